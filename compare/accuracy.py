@@ -85,7 +85,7 @@ def _by_tolerances(
     limits = {} if question.limits is None else limited(question.limits, outputs)
     if limits and not varied:
         raise ArgumentError(
-            "limit",
+            "limits",
             f"{m.name} states no tolerance, so that all its linkages are alike; give [tolerances], or leave it out",
         )
     if not varied:

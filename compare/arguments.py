@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analytic.errors import warn
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Joint, Mechanism
@@ -59,6 +60,7 @@ Values = str | float | Sequence[float | str] | np.ndarray
 """Values of a field: a number (SI), a text with a unit, a range ``start:stop:step``, several with commas, a list."""
 
 EVERY_SIGNAL = "all"  # of those on request
+MOST_LIKELY_DEGREES = 4 * math.pi  # rad; angles beyond two turns were probably given in degrees
 CAPACITY = 1_000_000  # crank angles, and samples of a Monte Carlo: what a memory holds
 SMALL_CLEARANCE = 0.1  # of a body's length: a clearance up to this is small, as the paper's displacements are
 
@@ -78,15 +80,23 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
     truth = isinstance(several, list) and any(isinstance(each, bool | np.bool_) for each in several)
     if truth or values.ndim > 1 or not values.size or values.dtype.kind not in "iuf" or not np.all(np.isfinite(values)):
         given = given.tolist() if isinstance(given, np.ndarray) else given
-        raise unusable(called, given, f"one number ({unit}) or a flat list of finite ones")
+        raise unusable(called, given, f"one number ({unit}) or a flat list of finite ones, as numpy.arange makes")
     return values.astype(float).reshape(-1)
 
 
 def number(given: object, called: str, unit: str) -> float:
-    """One number.  Raises ArgumentError."""
-    if isinstance(given, Real) and not isinstance(given, bool):
-        return float(given)
+    """One number, in this SI unit where it is a text with one.  Raises ArgumentError."""
+    found = _in_unit(given, unit, called) if isinstance(given, str) else given
+    if isinstance(found, Real) and not isinstance(found, bool):
+        return float(found)
     raise unusable(called, given, f"one number ({unit})")
+
+
+def warn_of_degrees(called: str, angle: float) -> None:
+    """Warn of an angle (rad) that was probably given in degrees."""
+    if MOST_LIKELY_DEGREES < abs(angle) < math.inf:
+        text = f"{called}: {angle:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
+        warn(text, DegreesWarning)
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
@@ -148,7 +158,7 @@ def linkage(given: Linkage, clearance: Metres | None = None, *, large: bool) -> 
     try:
         Assembly(mechanism)
     except (AssemblyError, StructureError) as error:
-        raise MechanismError(f"{mechanism.name if isinstance(given, Mechanism) else given}: {error}") from None
+        raise MechanismError(str(error) if isinstance(given, Mechanism) else f"{given}: {error}") from None
     loosened = mechanism if clearance is None else with_clearance(mechanism, clearance)
     if not large:
         refuse_large(loosened, "mechanism" if clearance is None else "clearance")
@@ -205,11 +215,11 @@ def warn_of_friction(
     for joint in jamming(mechanism) if engines and motion == "driven" else []:
         text = f"{name}: friction = {joint.friction:g} of joint {joint.name} is no less than its block is"
         lever = f"longer than high ({joint.jams_from:g}), and turns it harder than its walls turn it back"
-        warnings.warn(f"{text} {lever}: it tips, and may bounce, jam or come apart", stacklevel=4)
+        warn(f"{text} {lever}: it tips, and may bounce, jam or come apart")
     for joint in mechanism.joints:
         if joint.rough and not joint.prismatic and joint.pin_radius is None:
             text = f"{name}: joint {joint.name} has friction and no pin_radius; its contact rubs at"
-            warnings.warn(f"{text} {1e3 * joint.rim:g} mm, which is assumed", stacklevel=4)
+            warn(f"{text} {1e3 * joint.rim:g} mm, which is assumed")
 
 
 def jamming(mechanism: Mechanism) -> list[Joint]:
@@ -345,7 +355,7 @@ def rigidly_and_evenly_driven(mechanism: Mechanism) -> Mechanism:
     )
     for field, checks, none in fields:
         if drive is not None and getattr(drive, field) != none:
-            warnings.warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out", stacklevel=3)
+            warn(f"{mechanism.name}: cross-checks {checks}; drive.{field} is left out")
             drive = drive.model_copy(update={field: none})
     return mechanism if drive is mechanism.drive else mechanism.replace(drive=drive)
 

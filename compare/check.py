@@ -229,7 +229,7 @@ def _of_measured(measured: Measured, question: CheckQuestion) -> Mechanism:
         if given is not None:
             raise ArgumentError(called, "it says how a file is read, and measured data are read already; leave it out")
     if drives == {"free"} and m.drive is not None:
-        return m.replace(drive=m.drive.model_dump(exclude_unset=True) | {"speed": "free"})
+        return m.with_drive(speed="free")
     if "free" in drives and len(drives) > 1:
         raise ArgumentError("results", "some runs are free and others driven; give lc.measured runs of one kind")
     return m
@@ -387,7 +387,7 @@ def _followed(mechanism: Mechanism, *recordings: Recording) -> Mechanism:
     uneven = any(isinstance(record.moved, RecordedMotion) for record in recordings)
     if not uneven or mechanism.speed is None or mechanism.drive is None:
         return mechanism
-    return mechanism.replace(drive=mechanism.drive.model_dump(exclude_unset=True) | {"speed": "measured"})
+    return mechanism.with_drive(speed="measured")
 
 
 def _loaded(mechanism: Mechanism, record: Recording, motion: Motion) -> Mechanism:
@@ -510,7 +510,7 @@ class _Asked:
         turned = _turned(record, side, judgement, m)
         sentences += [*filter(None, turned.values()), *_units(record, side, judgement, told=turned)]
         if off and record.moved is None and self.motion == "driven" and record.time is None and self.rests(record):
-            sentences.append(f"{record.name}: agrees with the linkage at rest; say --motion static")
+            sentences.append(f"{record.name}: agrees with the linkage at rest; compare it in static motion")
         return sentences
 
     def rests(self, record: Recording) -> bool:

@@ -7,7 +7,6 @@ does it.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from analytic.errors import warn
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.reach import turns_fully
 from analytic.kinematics.schedule import Schedule
@@ -239,7 +239,7 @@ def _with_ideal_joints(mechanism: Mechanism, joint_model: JointModel | None) -> 
         )
     if mechanism.clearances:
         text = f"{mechanism.name} swings freely and is compared with ideal joints only: clearance in"
-        warnings.warn(f"{text} {', '.join(mechanism.clearances)} is left out", stacklevel=4)
+        warn(f"{text} {', '.join(mechanism.clearances)} is left out")
 
 
 def _with_stiff_rims(mechanism: Mechanism) -> None:

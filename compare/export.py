@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import tempfile
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
+from analytic.errors import warn
 from analytic.mechanism import Mechanism
+from analytic.writing import OutputError, write_together
 from compare.analyse import request
 from compare.arguments import (
     linkage,
@@ -18,7 +19,7 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.files import OutputError, output_folder, write_together
+from compare.files import output_folder
 from compare.omissions import Asked, omitted, rigid_walls
 from compare.questions.analyse import ExportQuestion
 from compare.questions.question import answers
@@ -62,7 +63,7 @@ def exported(question: ExportQuestion) -> dict[str, str]:
         ) from None
     for sentence in rigid_walls(m, simulator, joint_model, used_in(texts)):
         warned.append(sentence)
-        warnings.warn(sentence, stacklevel=3)
+        warn(sentence)
     return texts | {"run.py": "".join(f"# {sentence}\n" for sentence in warned) + texts["run.py"]}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from types import MappingProxyType
@@ -70,7 +70,7 @@ def complaints(
     except SimulatorMissing as error:
         raise stop(error, Exit.SIMULATOR_FAILED, file) from None
     except Error as error:
-        raise stop(error, Exit.BAD_INPUT, file) from None
+        raise stop(error, Exit.BAD_INPUT, file, lambda text: _with_options(text, context, names)) from None
     except ValidationError as error:
         messages = (fault["msg"].removeprefix("Value error, ") for fault in error.errors())
         raise stop("; ".join(messages), Exit.BAD_INPUT, file) from None
@@ -112,19 +112,27 @@ def unusable(argument: str, given: object, accepted: str) -> ArgumentError:
 def _as_typed(error: ArgumentError, context: typer.Context | None, names: Mapping[str, str]) -> str:
     """A fault of an argument, as one of the option that it came from."""
 
-    def option(argument: str) -> str:
-        return f"--{names.get(argument, argument).replace('_', '-')}"
-
     name = names.get(error.argument, error.argument)
     if context is None or name not in context.params:
         return str(error)
     value = context.params[name]
-    why = re.sub(r"`(\w+)`", lambda other: option(other[1]), error.why)
+    why = _with_options(error.why, context, names)
     typed = "" if value in (None, True) else f" {','.join(map(str, value)) if isinstance(value, list) else value}"
     why = why.removeprefix(f"{typed.strip()}: ")  # the value is said once
     if any(each.name == name and each.param_type_name == "argument" for each in context.command.params):
         return f"{typed.strip()}: {why}"
-    return f"{option(error.argument)}{typed}: {why}"
+    return f"{_with_options(f'`{error.argument}`', context, names)}{typed}: {why}"
+
+
+def _with_options(text: str, context: typer.Context | None, names: Mapping[str, str]) -> str:
+    """A text in which an argument in backquotes, if the command has it, is its option."""
+
+    def option(argument: re.Match[str]) -> str:
+        name = names.get(argument[1], argument[1])
+        known = context is not None and name in context.params
+        return f"--{name.replace('_', '-')}" if known else argument[0]
+
+    return re.sub(r"`(\w+)`", option, text)
 
 
 def printable(text: str) -> str:
@@ -134,15 +142,15 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def stop(error: object, status: Exit, file: str = "") -> typer.Exit:
-    """Say why on standard error, in one line, or one for each fault of a file, and mark it in a workflow of GitHub;
-    raise what this returns.
+def stop(error: object, status: Exit, file: str = "", told: Callable[[str], str] = str) -> typer.Exit:
+    """Say why on standard error, in one line, or one for each fault of a file, each as it is ``told``, and mark it in a
+    workflow of GitHub; raise what this returns.
     """
     faults = getattr(error, "faults", ())
     several = first_faults(faults) if len(faults) > 1 else [str(error)]
     marked = several[1:] or several  # not the line that says how many there are
     for fault in several:
-        text = printable(fault)
+        text = printable(told(fault))
         if len(text) > LONGEST_SENTENCE:  # the file and the remedy are at the ends
             text = f"{text[: LONGEST_SENTENCE // 2]} ... {text[-LONGEST_SENTENCE // 2 :]}"
         typer.echo(f"compare: {text}", err=True)

@@ -6,7 +6,6 @@ import json
 import math
 import os
 import re
-import secrets
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from analytic.errors import Error
+from analytic.writing import OutputError
 
 try:
     import fcntl
@@ -23,10 +22,6 @@ except ImportError:  # Windows
 
 LOCK_PATIENCE = 10.0  # s to wait for another process that is writing the same files
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # characters that no XML file holds
-
-
-class OutputError(Error, ValueError):
-    """The output folder cannot be written; the message names it."""
 
 
 def file_name(name: str) -> str:
@@ -135,42 +130,6 @@ def _locked(handle: int) -> bool:
     except OSError as error:
         return not isinstance(error, BlockingIOError)
     return True
-
-
-def write_atomically(path: Path, text: str | bytes) -> Path:
-    """Write text or bytes to a temporary neighbour and rename it: nobody sees half a file.  Raises OutputError."""
-    return write_together(path.parent, {path.name: text})[0]
-
-
-def write_together(folder: Path, texts: Mapping[str, str | bytes], gone: Iterable[str] = ()) -> list[Path]:
-    """Write files into a folder by their names: all of them, or none where one cannot be written, and never half of
-    one; those that are to be ``gone`` go when all are there.
-
-    Each is written to a temporary neighbour; when all are, they are renamed.  Raises OutputError.
-    """
-    drafts: dict[Path, Path] = {}
-    path = folder
-    try:
-        for name, text in texts.items():
-            path = folder / name
-            draft = path.parent / f".{path.name}.{secrets.token_hex(4)}"
-            with open(draft, "xb") as file:  # readable by whom the umask lets
-                drafts[path] = draft
-                file.write(text if isinstance(text, bytes) else text.encode())
-        for path in list(drafts):
-            os.replace(drafts[path], path)
-            del drafts[path]
-        for path in (folder / name for name in gone):
-            path.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"{path}: cannot be written ({error.strerror}); free space there, or choose another folder"
-        ) from None
-    finally:
-        for draft in drafts.values():
-            with suppress(OSError):
-                os.unlink(draft)
-    return [folder / name for name in texts]
 
 
 def to_json(value: object, indent: int | None = None) -> str:

@@ -32,7 +32,7 @@ from compare.quantities import drive_signals, quantities
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 from compare.questions.analyse import AnalyseQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
-from compare.questions.question import Question, check_names
+from compare.questions.question import Question, arguments, check_names
 from compare.questions.sweep import SweepQuestion
 from compare.results.accuracy import Accuracy
 from compare.results.analysis import Analysis
@@ -91,7 +91,7 @@ def swept(question: SweepQuestion) -> Sweep:
     options = dict(question.options or {})
     base = linkage(question.mechanism, cast("Mapping[str, float] | None", options.pop("clearance", None)), large=True)
     of_asked, _ = QUESTIONS[question.asks]
-    check_names("sweep", of_asked, options)
+    check_names("sweep", [each.name for each in arguments(of_asked)], options)
     asked = of_asked(base, **options)  # type: ignore[call-arg]  # what no point could use is refused at once
     if isinstance(asked, CrosscheckQuestion):
         engines(with_map(asked.simulator, asked.map))

@@ -6,13 +6,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from analytic.errors import warn
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.initial import set_off
 from analytic.kinematics.inverse import splined
@@ -22,8 +22,8 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import FEWEST_KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
-from compare.arguments import CAPACITY, numbers
-from compare.faults import ArgumentError, DegreesWarning
+from compare.arguments import CAPACITY, numbers, warn_of_degrees
+from compare.faults import ArgumentError
 from compare.questions.analyse import AnalyseQuestion, RunQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.option import FARTHEST_ANGLE, GridError
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from compare.recorded.table import Table
 
 MovedQuestion = CrosscheckQuestion | AnalyseQuestion | RunQuestion
-MOST_LIKELY_DEGREES = 4 * math.pi  # rad; crank angles beyond two turns were probably given in degrees
 USUAL_TIME = 1.0  # s, as far as the drives get
 DEFAULT_TIMES = 50
 SHORTEST_COURSE = 1e-3  # s
@@ -93,9 +92,7 @@ def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
     if abs(farthest) > math.radians(FARTHEST_ANGLE):
         limit = f"{math.radians(FARTHEST_ANGLE):.6g} rad ({FARTHEST_ANGLE:g} deg)"
         raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
-    if abs(farthest) > MOST_LIKELY_DEGREES:
-        text = f"angles: {farthest:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
-        warnings.warn(text, DegreesWarning, stacklevel=4)
+    warn_of_degrees("angles", farthest)
     try:
         assembly.path(float(theta.min()), float(theta.max()))
     except AssemblyError as error:
@@ -152,7 +149,7 @@ def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool =
         if drive.speed == "measured":
             raise GridError(
                 f"{m.name}: the drive of joint {drive.joint!r} follows measured data; give a file of its course"
-                " (--course), or the drive a speed"
+                " (`course`), or the drive a speed"
             )
     speeds = m.drive_speeds
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
@@ -258,7 +255,7 @@ def _warn(path: Path, table: Table, used: Collection[str], role: str) -> None:
     others = [table.headings[c.place] for c in table.columns if c.signal.name not in used]
     notes = [f"{path.name}: {ignored_columns(others, role)}"] if others else []
     for note in (*table.notes, *notes):
-        warnings.warn(note, stacklevel=4)
+        warn(note)
 
 
 def _axis(signal: Signal) -> Literal["x", "y", "angle"]:
@@ -274,5 +271,6 @@ def times_within(courses: Mapping[str, Knots], rows: np.ndarray, time: np.ndarra
     if time is None:
         return np.linspace(begin, end, DEFAULT_TIMES + 1) if rows.size > 4 * DEFAULT_TIMES else rows
     if time[0] < begin or time[-1] > end:
-        raise GridError(f"--times {time[0]:g} to {time[-1]:g} s is not within the course, {begin:g} to {end:g} s")
+        said = f"{time[0]:g} to {time[-1]:g} s is not within the course, {begin:g} to {end:g} s"
+        raise ArgumentError("times", said)
     return time

@@ -10,7 +10,7 @@ from typing import overload
 import numpy as np
 
 from analytic.mechanism.signals import Signal, wrapped
-from compare.arguments import number
+from compare.arguments import number, warn_of_degrees
 from compare.faults import ArgumentError, unusable
 from compare.quantities import quantities
 from compare.questions.question import answers
@@ -67,7 +67,10 @@ def show(question: ShowQuestion) -> Provenance | SignalResiduals | Diagnosis:
             raise ArgumentError("signal", "missing; a number of a result takes one, such as reaction_B_angle")
         if at is None:
             raise ArgumentError("at", "missing; a number belongs to a crank angle, or to a time if the linkage swings")
-        return provenance(document, signal, number(at, "at", "rad, or s if the linkage swings"), joint_model, simulator)
+        place = number(at, "at", "s" if document.over_time else "rad")
+        if not document.over_time:
+            warn_of_degrees("at", place)
+        return provenance(document, signal, place, joint_model, simulator)
     if not isinstance(document, Diagnosis):
         raise unusable("result", document, "a cross-check, a diagnosis, or the path of a JSON file of either")
     for name, given in (("at", at), ("joint_model", joint_model), ("simulator", simulator)):

@@ -19,8 +19,9 @@ from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from analytic.writing import write_atomically
 from compare.faults import ArgumentError
-from compare.files import to_json, write_atomically
+from compare.files import to_json
 from compare.workers import deaf
 
 RUNS_AHEAD = 2  # runs under way for each worker: one that it does, one that waits for it

@@ -57,21 +57,21 @@ def limited(given: object, outputs: list[Output]) -> dict[Output, float]:
     known = {d.name: d for d in outputs}
     if not isinstance(given, Mapping):
         raise ArgumentError(
-            "limit", f"{quoted(given)} cannot be used; give limits by output, such as {next(iter(known))}=..."
+            "limits", f"{quoted(given)} cannot be used; give limits by output, such as {next(iter(known))}=..."
         )
     limits = {}
     for name, size in given.items():
         if name not in known:
-            raise ArgumentError("limit", f"{name} is no output that is looked at; they are {', '.join(known)}")
+            raise ArgumentError("limits", f"{name} is no output that is looked at; they are {', '.join(known)}")
         unit = known[name].unit
         try:
             value = quantity(size, unit) if isinstance(size, str) else size
             value = float(size) if value is None else value
         except (UnitError, ValueError) as error:
             why = str(error) if isinstance(error, UnitError) else f"no number; give {unit}, or a number with its unit"
-            raise ArgumentError("limit", f"{name} = {quoted(size)} has {why}") from None
+            raise ArgumentError("limits", f"{name} = {quoted(size)} has {why}") from None
         if not isinstance(value, Real) or isinstance(value, bool) or not 0 < float(value) < math.inf:
-            raise ArgumentError("limit", f"{name} = {quoted(size)}; give {unit}, above 0")
+            raise ArgumentError("limits", f"{name} = {quoted(size)}; give {unit}, above 0")
         limits[known[name]] = float(value)
     return limits
 

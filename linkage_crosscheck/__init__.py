@@ -26,6 +26,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -109,7 +110,9 @@ def __getattr__(name: str) -> object:
     if name == "__version__":
         return importlib.metadata.version("linkage-crosscheck")
     if name not in _WHERE:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; it has {', '.join(__all__)}")
+        near = get_close_matches(name, __all__, 1)
+        remedy = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(__all__)}"
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}; {remedy}")
     module, _, other = _WHERE[name].partition(":")
     value = getattr(importlib.import_module(module), other or name)
     globals()[name] = value

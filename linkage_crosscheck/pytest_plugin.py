@@ -13,7 +13,6 @@ import hashlib
 import os
 import re
 import shlex
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,11 +103,11 @@ class LinkageCheck:
         not installed; ``simulator="all"`` leaves out those that are not.
         """
         __tracebackhide__ = True
-        from analytic.errors import Error
+        from analytic.errors import Error, warn
 
         self.calls += 1
         if simulators is not None:
-            warnings.warn("simulators= is called simulator= now", DeprecationWarning, stacklevel=2)
+            warn("simulators= is called simulator= now", DeprecationWarning)
             simulator = simulators
         try:
             return self._checked(self._beside(mechanism), self._models(simulator), baseline, options)

@@ -96,8 +96,7 @@ def run(
 
 def at_speed(m: Mechanism, speed: float | str, **drive: object) -> Mechanism:
     """The mechanism with its crank driven so (rad/s, or in a word)."""
-    assert m.drive is not None
-    return m.replace(drive=m.drive.model_dump(exclude_unset=True) | {"speed": speed} | drive)
+    return m.with_drive(speed=speed, **drive)
 
 
 def vector(trace: Trace | Signals, name: str) -> np.ndarray:

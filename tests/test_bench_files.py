@@ -21,7 +21,7 @@ import linkage_crosscheck as lc
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import load
 from bench_files import WRITERS, Columns, add_imu, add_joint_states, hdf5, mcap, mdf, parted, tdms, xlsx
-from commands import compare
+from commands import assert_refused, compare
 from compare.recorded.errors import DataError
 from compare.recorded.table import Table, read_parts, read_table
 from marks import slow_but
@@ -379,7 +379,7 @@ def twice() -> Columns:
 
 def test_a_clock_that_starts_again_is_split_where_that_is_asked(tmp_path: Path) -> None:
     path = write(tmp_path / "run.tdms", twice())
-    with pytest.raises(DataError, match=r"row 41: time runs back .* or say --split"):
+    with pytest.raises(DataError, match=r"row 41: time runs back .* or have it split \(`split`\)"):
         read_table(path, CRANK_ROCKER)
     first, second = read_parts(path, CRANK_ROCKER, split=True)
     check_same(first, TIME)
@@ -396,6 +396,8 @@ def test_a_clock_that_starts_again_is_split_where_that_is_asked(tmp_path: Path) 
 def test_init_and_check_split_a_clock_that_starts_again(tmp_path: Path) -> None:
     columns = a_turn()
     write(tmp_path / "log.h5", {heading: np.tile(values, 2) for heading, values in columns.items()})
+    refused = compare("check", "log.h5", "--case", "crank-rocker", cwd=tmp_path)
+    assert_refused(refused, "or have it split (--split)")
     begun = compare("diagnose", "--init", "log.h5", "--case", "crank-rocker", "--split", cwd=tmp_path)
     assert begun.returncode == 0, begun.stderr
     data = lc.read_measured(tmp_path / "measured.toml")

@@ -721,7 +721,7 @@ def test_a_table_of_equilibria_that_is_taken_as_driven_is_told(tmp_path: Path) -
     path = written(tmp_path / "still.csv", columns)
     result = lc.check(path, m)
     assert result.verdict == "disagrees"
-    assert "still: agrees with the linkage at rest; say --motion static" in result.warnings
+    assert "still: agrees with the linkage at rest; compare it in static motion" in result.warnings
     assert lc.check(path, m, motion="static").verdict == "agrees"
 
 

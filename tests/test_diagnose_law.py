@@ -115,7 +115,7 @@ def terms(*joints: str, clearance: bool = False) -> list[Term]:
         ("B", "mujoco", None, ""),
         ("E", "mujoco", MeasuredError, r"contact_law@E .* joint E has no clearance .* ask for joint_clearance too"),
         ("BA", "mujoco", MeasuredError, "joints B and A at once; ask for one of them: contact_law@B"),
-        ("B", "dart", Unsupported, "contact of dart .* choose --simulator mujoco or exudyn"),
+        ("B", "dart", Unsupported, "contact of dart .* choose `simulator` mujoco or exudyn"),
     ],
 )
 def test_laws_that_cannot_be_looked_for_are_refused(

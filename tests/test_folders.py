@@ -19,10 +19,10 @@ from typer.testing import CliRunner
 
 import linkage_crosscheck as lc
 from analytic.mechanism.file import dumps, load
+from analytic.writing import OutputError
 from compare.cli.app import app
 from compare.cli.folders import named_after, result_folder
 from compare.cli.publish import put
-from compare.files import OutputError
 from test_readme import COMMANDS
 
 

@@ -106,6 +106,27 @@ def test_what_a_logger_s_clock_and_an_absent_reading_are_in_a_frame() -> None:
         np.testing.assert_array_equal(values[1:], columns["drive_torque [N.m]"][1:])
 
 
+@pytest.mark.parametrize("heading", ["time", "time [s]", "time [ms]"])
+def test_durations_in_an_index_are_seconds_whatever_its_heading_says(heading: str) -> None:
+    columns = turn()
+    time = pandas.TimedeltaIndex(pandas.to_timedelta(columns.pop("time [s]"), unit="s"), name=heading)
+    run = lc.measured(CRANK_ROCKER, {"a": pandas.DataFrame(columns, index=time)}).runs[0]
+    assert run.time[-1] == pytest.approx(2 * math.pi / SPEED, rel=1e-6)
+
+
+def test_frames_of_results_and_of_measured_data_go_back_in_with_their_units() -> None:
+    """``attrs`` hold them, through a choice of columns; what is headed with a unit of its own is read by that."""
+    frame = lc.analyse(CRANK_ROCKER).to_dataframe()
+    assert {"crank_angle": "rad", "reaction_B_x": "N"}.items() <= frame.attrs["units"].items()
+    assert lc.check(frame, CRANK_ROCKER).verdict == "agrees"
+    chosen = frame[["crank_angle", "drive_torque"]].assign(**{"time [ms]": 1e3 * frame["crank_angle"] / SPEED})
+    found = lc.measured(CRANK_ROCKER, {"a": chosen})
+    np.testing.assert_array_equal(found.runs[0].channels["drive_torque"].values, frame["drive_torque"])
+    again = lc.measured(CRANK_ROCKER, {"a": found.to_dataframe().drop(columns="run")}).runs[0]
+    np.testing.assert_array_equal(again.time, found.runs[0].time)
+    np.testing.assert_array_equal(again.channels["drive_torque"].values, frame["drive_torque"])
+
+
 def faults_of_file(folder: Path, columns: Mapping[str, Any], fields: Mapping[str, Any]) -> str:
     time = np.asarray(columns["time [s]"], float)
     others = {name: np.asarray(each, float) for name, each in columns.items() if name != "time [s]"}
@@ -142,6 +163,9 @@ def test_a_frame_is_refused_in_the_sentence_of_a_file(
 def in_rows(words: str) -> str:
     """A file's sentence with rows, which a frame has, in place of lines, the first of which is the header."""
     words = words.replace("slow.csv: line 1, column", "slow.csv: column").replace("slow.csv: line 1:", "slow.csv:")
+    words = words.replace(
+        "say [columns] 'drive_torqe [N.m]' = \"ignore\"", "leave the column out"
+    )  # a frame has no map
     return re.sub(r"line (\d+)", lambda line: f"row {int(line[1]) - 1}", words)
 
 
@@ -160,7 +184,6 @@ def in_rows(words: str) -> str:
         ({"a": turn()}, {"speed": 1.0, "drive_speed": 2.0}, "speed: run 'a' has drive_speed = '2.0' too; keep one"),
         ({"a": turn()}, {"runs": {"a": 5}}, "runs['a']: 5 cannot be used"),
         ({"a": turn()}, {"decimal": ","}, "decimal: it says how the text of a file is written"),
-        ({"a": turn()}, {"toleranc": {}}, "did you mean 'tolerance'"),
         ({"a": turn()}, {"columns": {"phi": "ignore"}}, "columns.'phi' is no heading"),
     ],
 )
@@ -169,6 +192,20 @@ def test_what_only_memory_can_have_wrong_is_one_sentence(frames: Any, fields: An
         lc.measured(CRANK_ROCKER, frames, **fields)
     assert sentence in str(raised.value)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize(("name", "meant"), [("speeds", "speed"), ("toleranc", "tolerance"), ("run", "runs")])
+def test_a_misspelt_argument_is_told_the_one_that_is_meant(name: str, meant: str) -> None:
+    with pytest.raises(TypeError, match=rf"measured\(\) has no argument '{name}'; did you mean '{meant}'\?$"):
+        lc.measured(CRANK_ROCKER, {"a": turn()}, **{name: "200 rpm"})
+
+
+def test_a_column_is_mapped_by_the_name_of_its_signal() -> None:
+    columns = turn()
+    columns["M [N.mm]"] = 1e3 * columns.pop("drive_torque [N.m]")
+    found = lc.measured(CRANK_ROCKER, {"a": columns}, columns={"M": "drive_torque"})
+    same(found, lc.measured(CRANK_ROCKER, {"a": columns}, columns={"M": {"signal": "drive_torque", "unit": "N.mm"}}))
+    np.testing.assert_allclose(found.runs[0].channels["drive_torque"].values, turn()["drive_torque [N.m]"], atol=1e-15)
 
 
 def test_a_run_says_for_itself_what_a_keyword_says_of_all() -> None:

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 
 import commands
-from compare.files import OutputError, alone_in, made_folder, write_atomically, write_together
+from analytic.writing import OutputError, write_atomically, write_together
+from compare.files import alone_in, made_folder
 from marks import slow
 
 ROOT = Path(__file__).parents[1]

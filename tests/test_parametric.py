@@ -101,6 +101,7 @@ def test_every_number_of_every_shipped_case_has_a_name_that_finds_it() -> None:
         ("drive.sped", "'sped' is no field of a drive; did you mean 'speed'"),
         ("jiont.B.clearance", "'jiont' is no field of a mechanism file; did you mean 'joint'"),
         ("clearance", "'clearance' is no field of a mechanism file; give it as joint.NAME.clearance"),
+        ("speed", "'speed' is no field of a mechanism file; give it as drive.speed"),
         ("joint.B.clearence", "did you mean 'clearance'"),
         ("joint.Q.clearance", "'Q' is no name of a joint; they are D, A, B, E"),
         ("body.crnak.mass", "did you mean 'crank'"),

@@ -9,6 +9,7 @@ import os
 import pickle
 import re
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from analytic.kinematics.structure import StructureError
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
+from analytic.writing import OutputError
 from compare import progress
 from compare.arguments import engines, every_one, names, numbers, refuse_large
 from compare.baseline.file import BaselineError
@@ -31,8 +33,8 @@ from compare.diagnose.data.recording import MeasuredError
 from compare.domain_map.map import MapPlan
 from compare.domain_map.validity import plan_of
 from compare.faults import ArgumentError
-from compare.files import OutputError
 from compare.judge.tolerances import ToleranceError
+from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.option import GridError, Speeds
 from compare.questions.validity import ValidityQuestion
 from compare.results.document import DocumentError
@@ -85,10 +87,16 @@ def test_an_argument_error_comes_back_whole_from_another_process() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda: PAPER.replace(speed=3), ["'speed'", "gravity", "drive", "assembly"]),
-        (lambda: PAPER.replace(load=[]), ["'load'", "loads"]),
-        (lambda: PAPER.replace(body=[]), ["'body'", "bodies"]),
-        (lambda: PAPER.replace(joint=[]), ["'joint'", "joints"]),
+        (lambda: PAPER.replace(sped=3), ["'sped'", "gravity", "drives", "assembly"]),
+        (lambda: PAPER.replace(speed=3), ["'speed'", "changed by with_drive(speed=...)"]),
+        (lambda: PAPER.replace(clearance=3), ["'clearance'", "changed by with_joint(NAME, clearance=...)"]),
+        (lambda: PAPER.replace(mass=3), ["'mass'", "changed by with_body(NAME, mass=...)"]),
+        (lambda: PAPER.replace(bodies=[]), ["body = []"]),
+        (
+            lambda: PAPER.replace(tolerances={"joint.B.clearance": {"uniform": 2e-5}}),
+            ["tolerances.joint.B.clearance.uniform is not a field", "sd, limits, distribution, group"],
+        ),
+        (lambda: PAPER.with_drive(speed="5 mm"), ["speed = '5 mm' has unit 'mm'", "rad/s"]),
         (lambda: PAPER.replace(gravity="no"), ["gravity = 'no'"]),
         (lambda: PAPER.replace(drive={"joint": "D", "speed": "fast"}), ["drive.speed = 'fast'"]),
         (lambda: PAPER.with_body("crankk"), ["'crankk'", "did you mean 'crank'", "coupler"]),
@@ -96,6 +104,7 @@ def test_an_argument_error_comes_back_whole_from_another_process() -> None:
         (lambda: PAPER.with_body("crank", weight=1), ["body[crank].weight is not a field"]),
         (lambda: PAPER.with_joint("Q", clearance=0.0), ["'Q'", "D, A, B, E"]),
         (lambda: PAPER.with_joint("B", clearance="wide"), ["joint[B].clearance = 'wide'"]),
+        (lambda: PAPER.with_joint("B", clearance="1 kg"), ["paper: joint[B].clearance = '1 kg' has unit 'kg'"]),
         (lambda: PAPER.with_clearances({"B": -1}), ["joint[B].clearance = -1"]),
         (lambda: PAPER.with_clearances({"B": 1.0}), ["clearance = 1.0 m", "coupler"]),
         (lambda: PAPER.with_clearances({"Q": 1e-4}), ["'Q'", "D, A, B, E"]),
@@ -181,6 +190,8 @@ WRONG = [
     ("accuracy", {"nonlinear": "yes"}, "True or False"),
     ("accuracy", {"outputs": 5}, "a list of names"),
     ("accuracy", {"clearance_tolerance": "1e-4"}, "metres by joint"),
+    ("accuracy", {"limits": "follower_angle"}, "give OUTPUT=VALUE"),
+    ("accuracy", {"limits": 5}, "give limits by output"),
     ("validity", {"clearances": [1.0]}, "not smaller"),
     ("validity", {"clearances": "narrow"}, "'narrow'"),
     ("validity", {"speeds": [0.0]}, "rad/s above 0"),
@@ -191,7 +202,7 @@ WRONG = [
     ("validity", {"workers": 0}, "1 or more"),
     ("validity", {"tolerances": {}}, "tolerance file"),
     ("diagnose", {"only": 5}, "a list of names"),
-    ("diagnose", {"others": "none"}, "True or False"),
+    ("diagnose", {"others": "some"}, "True or False"),
     ("diagnose", {"workers": 0}, "1 or more"),
     ("diagnose", {"simulator": ["mujoco"]}, "['mujoco']"),
     ("diagnose", {"measured": 5}, "a path"),
@@ -470,15 +481,100 @@ def test_validity_says_joints_and_takes_at_as_before(tmp_path: Path) -> None:
             lc.validity("paper", speeds=[1.0], clearances=[1e-4], at="Q")  # type: ignore[call-arg]
 
 
+def test_parts_take_what_is_written_with_its_unit_as_a_file_does() -> None:
+    """Lengths, masses, angles and speeds of parts made in Python, alone and within a mechanism that is changed."""
+    rod = lc.Body(name="rod", points={"A": ("0 mm", 0), "B": ("50 mm", "1 m")}, mass="500 g")  # type: ignore[arg-type,dict-item]
+    assert (rod.mass, rod.points["B"]) == (0.5, (0.05, 1.0))
+    slide = lc.Joint(name="C", type="prismatic", bodies=("a", "b"), axis=(1, 0), damping="2 N.s/mm")  # type: ignore[arg-type]
+    assert slide.damping == pytest.approx(2000.0)
+    spring = lc.Spring(bodies=("a", "b"), points=("A", "B"), stiffness="2 N/mm")  # type: ignore[arg-type]
+    assert spring.stiffness == pytest.approx(2000.0)
+    changed = PAPER.with_joint("B", clearance="0.1 mm").with_body("crank", mass="300 g").with_drive(speed="60 rpm")
+    changed = changed.replace(gravity=(0, "-981 mm/s^2"), assembly={**PAPER.assembly, "crank": "90 deg"})
+    assert changed.clearances == {"B": pytest.approx(1e-4)}
+    assert (changed.moving["crank"].mass, changed.speed) == (0.3, pytest.approx(2 * math.pi))
+    assert (changed.gravity, changed.assembly["crank"]) == ((0.0, pytest.approx(-0.981)), pytest.approx(math.pi / 2))
+
+
+def test_engines_beside_are_asked_for_by_the_words_of_the_command_too() -> None:
+    given = [DiagnoseQuestion("data", others=each).others for each in (True, "all", False, "none")]
+    assert given == [True, True, False, False]
+
+
+def test_an_angle_is_text_with_its_unit_and_one_that_looks_like_degrees_is_warned_of_at_the_callers_line() -> None:
+    found = as_document(sample_result())
+    assert lc.show(found, "reaction_B_angle", at="20 deg").at == pytest.approx(math.radians(20.0))
+    for call in (lambda: lc.show(found, "reaction_B_angle", at=30.0), lambda: lc.analyse(PAPER, angles=[1.0, 30.0])):
+        with warnings.catch_warnings(record=True) as caught, contextlib.suppress(lc.Error):
+            warnings.simplefilter("always")
+            call()
+        (warned,) = (each for each in caught if "30 rad is beyond two turns" in str(each.message))
+        assert warned.filename == __file__
+
+
+@pytest.mark.parametrize("case", ["paper", "slider-crank", "crank-rocker"])
+def test_a_mechanism_that_is_changed_in_python_is_written_and_read_again(case: str, tmp_path: Path) -> None:
+    own = lc.load(case)
+    changed = own.with_drive(speed="600 rpm").with_clearances({own.may_be_loose[0]: 1e-4}).replace(name="mine")
+    assert lc.load(changed.write(tmp_path / "mine.toml")) == changed
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.toml"]
+    with pytest.raises(OutputError, match="cannot be written"):
+        changed.write(tmp_path / "nowhere" / "mine.toml")
+
+
+def test_the_faults_of_several_parts_are_told_at_once_and_the_linkage_once() -> None:
+    with pytest.raises(MechanismError, match=r"'B': axis, angle.*; joint 'E': axis, angle.*; drive.joint = 'Q'"):
+        PAPER.replace(
+            joints=[j.model_copy(update={"angle": 1.0} if j.name in "BE" else {}) for j in PAPER.joints],
+            drive={"joint": "Q", "speed": 1.0},
+        )
+    with pytest.raises(MechanismError, match=r"^paper: assembly.coupler and assembly.follower are missing"):
+        lc.analyse(PAPER.replace(assembly={"crank": 1.0}))
+
+
 def test_a_drive_that_is_made_in_python_takes_its_speed_as_a_file_does() -> None:
     paper = load("paper").replace(drive=lc.Drive(joint="D", speed="60 rpm"))  # type: ignore[arg-type]
     assert paper.speed == pytest.approx(2 * math.pi)
     assert lc.Drive(joint="D", speed="free").speed == "free"
-    with pytest.raises(MechanismError, match=r"speed = '3 kg': unit 'kg', which is of another dimension"):
+    with pytest.raises(MechanismError, match=r"speed = '3 kg' has unit 'kg', which is of another dimension"):
         lc.Drive(joint="D", speed="3 kg")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("name", "said"), [("speed", "its drive's speed, is changed"), ("clearence", "'clearance'?")])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("speed", "changed by with_drive(speed=...) of the mechanism, or by sweep"), ("motoin", "'motion'?")],
+)
 def test_an_argument_that_there_is_not_is_refused_by_the_functions_own_name(name: str, said: str) -> None:
-    with pytest.raises(TypeError, match=rf"analyse\(\) has no argument '{name}'.*{re.escape(said)}"):
+    with pytest.raises(TypeError, match=rf"analyse\(\) has no argument '{name}'.*{re.escape(said)}$"):
         lc.analyse("crank-rocker", **{name: "60 rpm"})
+
+
+def test_completion_offers_what_results_and_mechanisms_have_and_nothing_of_pydantic() -> None:
+    for one, own in (
+        (as_document(sample_result()), "to_dataframe"),
+        (PAPER, "with_drive"),
+        (PAPER.joints[0], "clearance"),
+    ):
+        assert own in dir(one)
+        assert not {"parse_raw", "from_orm", "model_dump", "copy"} & {*dir(one)}
+
+
+def test_a_name_that_is_none_of_the_package_is_told_the_near_one() -> None:
+    with pytest.raises(AttributeError, match="did you mean 'analyse'"):
+        lc.analyze  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_a_notebook_shows_a_fault_as_the_callers_line_and_a_sentence() -> None:
+    with pytest.raises(ArgumentError) as caught:
+        lc.analyse(PAPER, clearance={"Q": 1e-4})
+    *place, line, sentence = caught.value._render_traceback_()
+    assert [Path(__file__).name in each for each in place] == [True]
+    assert line.strip() == 'lc.analyse(PAPER, clearance={"Q": 1e-4})'
+    assert sentence.startswith("ArgumentError: clearance: 'Q' is not a revolute joint")
+
+
+def test_a_result_prints_its_table_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    lc.analyse("crank-rocker", clearance=dict.fromkeys("DABE", 1e-4)).print_to()
+    printed = capsys.readouterr().out
+    assert "drive torque" in printed
+    assert "where a reaction turns too fast, first_order has an answer" in " ".join(printed.split())

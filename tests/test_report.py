@@ -20,8 +20,8 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.signals import same_turn
+from analytic.writing import OutputError
 from compare.crosscheck import crosscheck
-from compare.files import OutputError
 from compare.quantities import number, quantities
 from compare.report.crosscheck_figures import beside, figures, thinned
 from compare.report.crosscheck_terminal import print_table

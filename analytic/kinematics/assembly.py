@@ -153,17 +153,12 @@ class Assembly:
     def _guess(self) -> np.ndarray:
         """Coordinates (n,) by the file's assembly angles.  Raises AssemblyError where one is missing."""
         mechanism, s = self.mechanism, self.structure
-        guess = np.zeros(len(s.coordinates))
+        guess, missing = np.zeros(len(s.coordinates)), dict[str, None]()
 
         def angle(name: str) -> float:
-            if name == GROUND:
-                return 0.0
-            if name not in mechanism.assembly:
-                raise AssemblyError(
-                    f"{mechanism.name}: assembly.{name} is missing; give its approximate angle (rad) to pick the"
-                    " assembly mode"
-                )
-            return float(mechanism.assembly[name])
+            if name != GROUND and name not in mechanism.assembly:
+                missing[f"assembly.{name}"] = None
+            return float(mechanism.assembly.get(name, 0.0))
 
         for i, c in enumerate(s.coordinates):
             if i in s.inputs and c.bodies:
@@ -173,6 +168,11 @@ class Assembly:
                 named = [b for b in c.bodies if s.turned[b] == (i,) and s.bodies[b] in mechanism.assembly]
                 given = [angle(s.bodies[b]) - s.held_at[b] for b in named] or [angle(s.bodies[c.bodies[0]])]
                 guess[i] = math.fsum(given) / len(given)
+        if missing:
+            raise AssemblyError(
+                f"{mechanism.name}: {' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing; give the"
+                " approximate angle (rad) to pick the assembly mode"
+            )
         return self._with_driven_travels(guess)
 
     def _with_driven_travels(self, guess: np.ndarray) -> np.ndarray:

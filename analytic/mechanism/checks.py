@@ -6,9 +6,9 @@ Each check raises ValueError with one sentence that names the part, the field, t
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 
+from analytic.errors import warn
 from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Sensor, Spring, Stop
 from analytic.mechanism.signals import signals
 from analytic.mechanism.varying import Quantity
@@ -252,7 +252,8 @@ def check_assembly(assembly: Iterable[str], bodies: Iterable[str], driven: str |
             raise ValueError(f"assembly.{name} is not a moving body; the bodies are {', '.join(moving)}")
     if driven is not None and driven not in given:
         raise ValueError(
-            f"assembly.{driven} is missing; give the driven body's angle (rad) at which the linkage is assembled"
+            f"assembly.{driven} is missing; give the driven body's angle (rad) at which the linkage is assembled, and"
+            " about the angles of the others there"
         )
 
 
@@ -278,10 +279,9 @@ def warn_of_millimetres(mechanism: str, parts: PartsByName, joints: Iterable[Joi
     lengths += [(f"{j.name}.guide", max(j.guide)) for j in joints if j.guide is not None]
     name, largest = max(lengths, key=lambda item: item[1])
     if largest > LARGEST_PLAUSIBLE_LENGTH:
-        warnings.warn(
+        warn(
             f"{mechanism}: {name} is {largest:g} m; lengths are in metres, was it meant in millimetres?",
             MechanismWarning,
-            stacklevel=2,
         )
 
 
@@ -290,10 +290,9 @@ def warn_of_degrees(mechanism: str, assembly: Mapping[str, float]) -> None:
     turns = {b: a for b, a in assembly.items() if abs(a) > 4 * math.pi}
     if turns:
         body, angle = next(iter(turns.items()))
-        warnings.warn(
+        warn(
             f"{mechanism}: assembly.{body} is {angle:g} rad; angles are in radians, was it meant in degrees?",
             MechanismWarning,
-            stacklevel=2,
         )
 
 

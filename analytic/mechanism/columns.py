@@ -84,6 +84,13 @@ class ColumnMeaning(Conversion):
         return self
 
 
+Meaning = Annotated[
+    ColumnMeaning | Literal["ignore"],
+    BeforeValidator(lambda given: {"signal": given} if isinstance(given, str) and given != "ignore" else given),
+]
+"""What a column is; a text alone is its signal."""
+
+
 class Layout(MapPart):
     """How files are written: columns by their heading, the headings of files without a header, lines before the header
     or, without, before the numbers, separator and decimal mark.
@@ -92,7 +99,7 @@ class Layout(MapPart):
     are one signal its first is read.
     """
 
-    columns: Annotated[Mapping[str, ColumnMeaning | Literal["ignore"]], Field(default_factory=dict)]
+    columns: Annotated[Mapping[str, Meaning], Field(default_factory=dict)]
     headings: Annotated[
         tuple[Annotated[str, Field(min_length=1, max_length=200)], ...] | None,
         BeforeValidator(lambda given: tuple(given) if isinstance(given, list) else given),

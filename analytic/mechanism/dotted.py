@@ -179,6 +179,6 @@ def _step(name: str, rest: str, choices: Sequence[str], where: str, no: str = "n
     if choices is TABLES:  # a field of a part, without the part
         parts: dict[str, type[BaseModel]] = {"joint": Joint, "body": Body, "drive": Drive, "load": Load}
         own = [table for table, part in parts.items() if first in part.model_fields]
-        remedy = f"give it as {own[0]}.NAME.{first}" if own else remedy
+        remedy = f"give it as {own[0]}.{'NAME.' * (own[0] != 'drive')}{first}" if own else remedy
     said = f"{first!r} is {no} {where}" if first else f"{where} has several numbers; name one"
     raise FieldError(f"{name}: {said}; {remedy}", where, choices, close[0] if close and first else "")

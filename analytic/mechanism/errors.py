@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -33,11 +33,26 @@ def describe(error: ValidationError, fields: Mapping[str, object], model: type[B
     within = {place[:k] for place in by_place for k in range(len(place))}
     for place in within & by_place.keys():  # a field says more than its table
         del by_place[place]
-    sentences = [
-        _sentence(_where(place, fields), faults, model) for place, faults in list(by_place.items())[:MOST_FAULTS]
-    ]
-    more = len(by_place) - MOST_FAULTS
-    return [*sentences, f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else sentences
+    sentences = [_sentence(_where(place, fields), faults, model) for place, faults in by_place.items()]
+    return _first(sentences)
+
+
+def together(*checks: Callable[[], None]) -> None:
+    """Make checks that do not rely on each other.  Raises ValueError with a sentence for each of the first faults."""
+    sentences: list[str] = []
+    for check in checks:
+        try:
+            check()
+        except ValueError as error:
+            sentences.append(str(error))
+    if sentences:
+        raise ValueError("; ".join(_first(sentences)))
+
+
+def _first(sentences: Sequence[str]) -> list[str]:
+    """The first of the sentences, and how many more there are."""
+    more = len(sentences) - MOST_FAULTS
+    return [*sentences[:MOST_FAULTS], *([f"and {more} fault{'s' * (more > 1)} more"] if more > 0 else [])]
 
 
 def brief(name: object) -> str:

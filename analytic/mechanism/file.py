@@ -16,7 +16,6 @@ from pydantic import ValidationError
 
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted
-from analytic.mechanism.model import as_written
 from analytic.mechanism.reading import ReadingError, parse_toml, read_toml
 from analytic.mechanism.tolerances import sources, with_units
 from analytic.mechanism.units import UnitError
@@ -93,8 +92,5 @@ def checked(fields: Mapping[str, object], source: str, folder: Path | None = Non
 
 
 def dumps(mechanism: Mechanism) -> str:
-    """TOML text that :func:`loads` turns into an equal mechanism; what was left out stays out."""
-    import tomli_w
-
-    fields = as_written(mechanism)
-    return tomli_w.dumps({name: value for name, value in fields.items() if value not in (None, [], {})})
+    """TOML text that :func:`loads` turns into an equal mechanism: its :meth:`~Mechanism.to_toml`."""
+    return mechanism.to_toml()

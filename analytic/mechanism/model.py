@@ -9,8 +9,9 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from numbers import Real
+from pathlib import Path
 from typing import Annotated, TypeVar
 
 import numpy as np
@@ -30,7 +31,7 @@ from analytic.mechanism.checks import (
     warn_of_degrees,
     warn_of_millimetres,
 )
-from analytic.mechanism.errors import MechanismError, brief, describe, quoted
+from analytic.mechanism.errors import MechanismError, brief, describe, quoted, together
 from analytic.mechanism.one_line import clearances, count, one_line
 from analytic.mechanism.parts import (
     FARTHEST_ANGLE,
@@ -57,6 +58,7 @@ from analytic.mechanism.parts import (
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.mechanism.varying import NEVER, Fading, Quantity, Seen, Vectors, acting, quantities
 from analytic.mechanism.written import INITIAL
+from analytic.writing import write_atomically
 
 P = TypeVar("P", Body, Joint)
 ONE_CRANK = "what is asked for is of linkages with one drive, which turns a crank on the ground"
@@ -66,18 +68,20 @@ ONE_INPUT = "what is asked for is of linkages with one drive, which turns a cran
 def _in_quotes(given: object) -> object:
     """Tolerances by field, if each is written in quotes: else TOML takes it for tables.  Raises ValueError."""
     for name, value in given.items() if isinstance(given, Mapping) else ():
-        if isinstance(value, Mapping) and not {*value} & {*Tolerance.model_fields}:
-            inner = next((f"{name}.{step}" for step in value), name)
-            if value:
-                raise ValueError(
-                    f"{brief(inner)} is no field by itself; write each field whole and in quotes, such as"
-                    ' "body.crank.mass" = { sd = 0.01 }'
-                )
+        if isinstance(value, Mapping) and value and "." not in name:
+            raise ValueError(
+                f"{brief(f'{name}.{next(iter(value))}')} is no field by itself; write each field whole and in quotes,"
+                ' such as "body.crank.mass" = { sd = 0.01 }'
+            )
     return given
 
 
 class Mechanism(MechanismPart):
-    """A planar linkage.  Raises MechanismError where it contradicts itself."""
+    """A planar linkage: ``ground``, each ``body`` and ``joint``, its ``drive`` and so on, as in a mechanism file.
+
+    Numbers are SI, texts have their unit.  ``lc.fields()`` has the meaning, the unit and the default of each field.
+    Raises MechanismError where it contradicts itself.
+    """
 
     name: Annotated[str, BeforeValidator(titled)]
     gravity: Vector = (0.0, 0.0)  # m/s^2
@@ -340,17 +344,14 @@ class Mechanism(MechanismPart):
         return self.without_contact_friction().with_clearances({})
 
     def replace(self, **fields: object) -> Mechanism:
-        """A checked copy with top-level fields replaced; ``drive`` is the only one.  Raises MechanismError."""
-        known = type(self).model_fields
-        if "drive" in fields:
-            fields["drives"] = fields.pop("drive")
-        for name in fields:
-            if name not in known:
-                meant = next((field_name for field_name, field in known.items() if field.alias == name), None)
-                remedy = f"{name!r} is a file's word for {meant}" if meant else f"its fields are {', '.join(known)}"
+        """A checked copy with top-level fields replaced, by their names here or in a file.  Raises MechanismError."""
+        names = {name: field.alias or name for name, field in type(self).model_fields.items()}
+        asked = {alias: getattr(self, name) for name, alias in names.items()}  # as a file says it, and so a message
+        for name, value in fields.items():
+            if names.get(name, name) not in asked:
+                remedy = changed_by(name) or f"its fields are {', '.join(names)}"
                 raise MechanismError(f"{self.name}: a mechanism has no field {brief(name)!r} to replace; {remedy}")
-        asked = {name: fields.get(name, getattr(self, name)) for name in known}
-        asked["drive"] = asked.pop("drives")  # as a file says it, and so a message
+            asked[names.get(name, name)] = value
         try:
             return Mechanism.model_validate(asked)
         except ValidationError as error:
@@ -359,6 +360,13 @@ class Mechanism(MechanismPart):
     def with_joint(self, name: str, **fields: object) -> Mechanism:
         """A checked copy with fields of one joint replaced.  Raises MechanismError."""
         return self.replace(joints=self._edited("joint", self.joints, name, fields))
+
+    def with_drive(self, **fields: object) -> Mechanism:
+        """A checked copy with fields of its only drive replaced, such as ``speed="60 rpm"``; one that has none is given
+        one that follows data.  Raises MechanismError.
+        """
+        drive = self.drive or Drive(joint=self.input_joint.name, speed="measured")
+        return self.replace(drive=drive.model_dump(exclude_unset=True) | fields)
 
     def with_friction_circle(self, name: str, radius: float) -> Mechanism:
         """A checked copy with a pin's friction circle of this radius (m), in place of one by a coefficient.  Raises
@@ -399,6 +407,16 @@ class Mechanism(MechanismPart):
             faults = "; ".join(f"{kind}[{part.name}].{fault}" for fault in describe(error, asked, type(part)))
             raise MechanismError(f"{self.name}: {faults}") from None
 
+    def to_toml(self) -> str:
+        """The text of a mechanism file that ``lc.load`` turns into an equal mechanism; what was left out stays out."""
+        import tomli_w
+
+        return tomli_w.dumps({name: value for name, value in as_written(self).items() if value not in (None, [], {})})
+
+    def write(self, path: str | Path) -> Path:
+        """Write the mechanism as a TOML file, in place of one that is there; its path.  Raises OutputError."""
+        return write_atomically(Path(path), self.to_toml())
+
     @field_serializer("drives")
     def _as_in_a_file(self, drives: tuple[Drive, ...]) -> Drive | tuple[Drive, ...] | None:
         """One drive as itself, none as None: what a mechanism was before it could have several."""
@@ -419,21 +437,23 @@ class Mechanism(MechanismPart):
 
     @model_validator(mode="after")
     def _check(self) -> Mechanism:
-        """Each check relies on the ones before it."""
+        """Each check relies on the ones before it, but for those that are made together."""
         check_names(self.bodies, self.joints, self.sensors)
-        for joint in self.joints:
-            check_joint(joint, self.parts)
-        check_drives(self.drives, self.joints)
-        check_initial(self.initial, self.joints, self.motors)
-        check_loads(self.loads, self.moving, self.load_quantities)
-        check_springs(self.springs, self.parts, self.joints)
-        check_stops(self.stops, self.joints)
-        check_sensors(self.sensors, self.parts, self.joints, self.drives)
-        check_assembly(self.assembly, self.moving, self.driven if self.cranked else None)
+        together(
+            *(partial(check_joint, joint, self.parts) for joint in self.joints),
+            lambda: check_drives(self.drives, self.joints),
+        )
+        together(
+            lambda: check_initial(self.initial, self.joints, self.motors),
+            lambda: check_loads(self.loads, self.moving, self.load_quantities),
+            lambda: check_springs(self.springs, self.parts, self.joints),
+            lambda: check_stops(self.stops, self.joints),
+            lambda: check_sensors(self.sensors, self.parts, self.joints, self.drives),
+            lambda: check_assembly(self.assembly, self.moving, self.driven if self.cranked else None),
+            *(partial(check_body, body, self.joints) for body in self.bodies),
+        )
         limited = [j.stopped(tuple(stop for stop in self.stops if stop.joint == j.name)) for j in self.joints]
         object.__setattr__(self, "joints", _in_their_turns(limited, self.assembly))
-        for body in self.bodies:
-            check_body(body, self.joints)
         warn_of_millimetres(self.name, self.parts, self.joints)
         warn_of_degrees(self.name, self.assembly)
         return self
@@ -465,6 +485,13 @@ def _known(mechanism: Mechanism, kind: str, parts: Sequence[Body | Joint], names
             close = difflib.get_close_matches(str(name), there, n=1)
             hint = f"did you mean {close[0]!r}? They" if close else "they"
             raise MechanismError(f"{mechanism.name}: no {kind} {quoted(name)}; {hint} are {', '.join(there)}")
+
+
+def changed_by(field: str) -> str:
+    """How a field of a mechanism's part is changed, in words; empty of what is none."""
+    parts: dict[str, type[MechanismPart]] = {"with_drive(": Drive, "with_joint(NAME, ": Joint, "with_body(NAME, ": Body}
+    own = next((call for call, part in parts.items() if field in part.model_fields), None)
+    return f"it is changed by {own}{field}=...)" if own else ""
 
 
 def _as_float(value: object) -> object:

@@ -4,7 +4,7 @@ of plain English.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -70,3 +70,10 @@ def largest(values: np.ndarray, unit: str) -> str:
 def shown(text: str) -> str:
     """What a file has, quoted for a message: one printable line, not longer than can be read."""
     return repr(text if len(text) <= LONGEST_CELL else f"{text[:LONGEST_CELL]}...")
+
+
+def own_names(names: Iterable[str]) -> list[str]:
+    """The names of a part's attributes without those that any of pydantic's models has, for completion."""
+    from pydantic import BaseModel
+
+    return sorted({*names} - ({*dir(BaseModel)} - {*dir(object)}))

@@ -27,7 +27,8 @@ from pydantic import (
 
 from analytic.mechanism.errors import MechanismError, describe
 from analytic.mechanism.fits import play
-from analytic.mechanism.written import quantity
+from analytic.mechanism.one_line import own_names
+from analytic.mechanism.written import BY_ITSELF, part_in_si
 
 GROUND = "ground"
 SMALLEST_NUMBER = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
@@ -85,12 +86,6 @@ def _divisible(value: float) -> float:
     return value
 
 
-def _speed(value: object) -> object:
-    """An angular velocity that is written with its unit, in rad/s.  Raises ValueError."""
-    found = quantity(value, "rad/s") if isinstance(value, str) else None
-    return value if found is None else found
-
-
 def _heavy(value: object) -> object:
     """A mass, unless it is none.  Raises ValueError."""
     if isinstance(value, int | float) and value == 0 and not isinstance(value, bool):
@@ -134,6 +129,16 @@ class MechanismPart(BaseModel):
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # else it reads files too
 
+    def __dir__(self) -> list[str]:
+        return own_names(super().__dir__())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, given: object) -> object:
+        """Fields that are written with their unit as numbers in SI.  Raises UnitError."""
+        units = BY_ITSELF.get(cls.__name__.lower())
+        return part_in_si(given, units(given), "") if units is not None and isinstance(given, Mapping) else given
+
 
 class Ground(MechanismPart):
     """The fixed link; ``points`` (m) are in the ground frame."""
@@ -148,7 +153,9 @@ class Ground(MechanismPart):
 
 
 class Body(MechanismPart):
-    """A moving link.  ``points`` and ``com`` (m) are in the body's frame; a point is named after its joint."""
+    """A moving link.  ``points`` and ``com`` (m) are in the body's frame; a point is named after its joint.
+    ``lc.fields("body")`` has the meaning, the unit and the default of each field.
+    """
 
     name: PartName
     points: Mapping[PartName, Vector]
@@ -284,7 +291,9 @@ class Stop(MechanismPart):
 
 
 class Joint(MechanismPart):
-    """A revolute or prismatic joint; its reaction is the force of the first body on the second."""
+    """A revolute or prismatic joint; its reaction is the force of the first body on the second.
+    ``lc.fields("joint")`` has the meaning, the unit and the default of each field.
+    """
 
     name: PartName
     type: Literal["revolute", "prismatic"]
@@ -540,7 +549,7 @@ class Drive(MechanismPart):
     """
 
     joint: PartName
-    speed: Annotated[SiNumber | Literal["free", "measured"], BeforeValidator(_speed)]
+    speed: SiNumber | Literal["free", "measured"]
     ripple: Ripple | None = None
     stiffness: SiPositive | None = None  # N.m/rad between motor and crank; left out: rigid
     # rad, backlash: the crank's play behind the motor, and as much ahead of it

@@ -67,6 +67,16 @@ DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
 SENSOR = {"point": "m", "youngs_modulus": "Pa"}
 Units = Mapping[str, str]
+BY_ITSELF: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {  # by the part: what it is in, whatever it belongs to
+    "mechanism": lambda _: WHOLE,
+    "ground": lambda _: {"points": "m"},
+    "body": lambda _: BODY,
+    "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
+    "drive": lambda _: DRIVE | {"speed": "rad/s"},
+    "spring": lambda _: SPRING,
+    "sensor": lambda _: SENSOR,
+    "load": lambda _: LOAD,
+}
 
 
 def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
@@ -74,16 +84,10 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
     quantity is left as it is.  Tables of loads that are files in a ``folder`` are read.  Raises UnitError, which names
     the field, and ReadingError.
     """
-    out: dict[str, Any] = dict(fields)
-    if "gravity" in out:
-        out["gravity"] = _read(out["gravity"], "m/s^2", "gravity")
-    if "assembly" in out:
-        out["assembly"] = _read(out["assembly"], "rad", "assembly")
+    out: dict[str, Any] = part_in_si(fields, WHOLE, "")
     if isinstance(out.get("initial"), Mapping):
         given = out["initial"]
         out["initial"] = part_in_si(given, {name: _rate(out, name.removeprefix(INITIAL)) for name in given}, "initial")
-    if isinstance(out.get("ground"), Mapping):
-        out["ground"] = part_in_si(out["ground"], {"points": "m"}, "ground")
     for table, units in _units_by_table(out).items():
         parts = out.get(table)
         if table == "load" and isinstance(parts, list):
@@ -116,12 +120,9 @@ def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping
     """By table what the fields of one of its parts are in."""
     over = _units_over(fields)
     return {
-        "body": lambda _: BODY,
-        "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
+        **BY_ITSELF,
         "drive": lambda d: DRIVE | {"speed": _rate(fields, d.get("joint"))},
-        "spring": lambda _: SPRING,
         "stop": lambda stop: STOPS[_rate(fields, stop.get("joint"))],
-        "sensor": lambda _: SENSOR,
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
     }
 
@@ -214,7 +215,7 @@ def part_in_si(part: Mapping[str, object], units: Units, called: str) -> dict[st
     """A part of the file, its fields in SI."""
     out = dict(part)
     for name, value in part.items():
-        where = f"{called}.{name}"
+        where = f"{called}.{name}" if called else name
         within = _units_within(name)
         if within is not None and isinstance(value, Mapping):
             out[name] = part_in_si(value, within, where)
@@ -232,7 +233,7 @@ def _pair(pair: Any, unit: str, called: str) -> Any:
 
 def _read(value: Any, unit: str, called: str) -> Any:
     """A value, or those in a list or a table, in this SI unit where it is written with another one."""
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_read(each, unit, called) for each in value]
     if isinstance(value, Mapping):
         return {name: _read(each, unit, f"{called}.{name}") for name, each in value.items()}

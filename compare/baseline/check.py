@@ -16,13 +16,14 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import named
+from analytic.writing import OutputError, write_atomically
 from compare.arguments import Linkage, Names, engines, linkage, modelling, on_request, warn_of_friction
 from compare.baseline.comparison import fits, moved
 from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, owned, read, write
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
 from compare.faults import ArgumentError, Exit, OptionError
-from compare.files import OutputError, file_name, made_folder, relative, write_atomically
+from compare.files import file_name, made_folder, relative
 from compare.progress import Progress, progress_bar
 from compare.questions.baseline import BASELINES, BaselinesQuestion
 from compare.questions.question import answers

@@ -28,8 +28,9 @@ def apply_(line: CommandLine) -> None:
     Exit status: 0 written, 2 bad input, 3 MuJoCo is missing.
     """
     with line.complaints():
+        from analytic.writing import OutputError, write_together
         from compare.applied import apply
-        from compare.files import OutputError, alone_in, made_folder, write_together
+        from compare.files import alone_in, made_folder
 
         question, out = line.asked(ApplyQuestion), line.asked(Model).out
         to = Path(question.to)

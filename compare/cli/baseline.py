@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from analytic.writing import write_atomically
 from compare.cli.folders import refuse_inputs
 from compare.cli.publish import say
 from compare.cli.typed import CommandLine, Shown, command
 from compare.faults import OptionError, printable
-from compare.files import made_folder, write_atomically
+from compare.files import made_folder
 from compare.questions.baseline import BaselinesQuestion
 from compare.questions.option import Option, Written
 from compare.questions.question import Question

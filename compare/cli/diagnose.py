@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
+from analytic.writing import OutputError, write_atomically
 from compare.cli.folders import named_after, refuse_inputs
 from compare.cli.typed import CommandLine, Shown, Where, command
 from compare.faults import Exit, OptionError
-from compare.files import OutputError, alone_in, made_folder, write_atomically
+from compare.files import alone_in, made_folder
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.option import NameList, Option, Switch
 from compare.questions.question import Question

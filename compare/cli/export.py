@@ -20,9 +20,10 @@ def export(line: CommandLine) -> None:
     """
     with line.complaints():
         from analytic.mechanism.assumed import assumed
+        from analytic.writing import write_together
         from compare.arguments import linkage, noted, one_engine
         from compare.export import exported, used_in
-        from compare.files import alone_in, made_folder, write_together
+        from compare.files import alone_in, made_folder
         from compare.omissions import Asked, omitted
         from compare.results.export import Exported
         from sim_models.common.contact_laws import assumed_of_contact

@@ -13,7 +13,8 @@ from typing import Any
 
 import typer
 
-from compare.files import OutputError, check_replaceable, file_name, relative
+from analytic.writing import OutputError
+from compare.files import check_replaceable, file_name, relative
 
 NOT_ASKED = {
     "out",

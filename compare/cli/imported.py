@@ -26,7 +26,8 @@ def import_(line: CommandLine) -> None:
     Exit status: 0 written, 2 bad input, 3 MuJoCo is missing.
     """
     with line.complaints():
-        from compare.files import OutputError, alone_in, made_folder, write_together
+        from analytic.writing import OutputError, write_together
+        from compare.files import alone_in, made_folder
         from compare.imported import import_mjcf
 
         out = line.asked(Target).out

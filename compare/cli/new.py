@@ -17,7 +17,7 @@ def new(line: CommandLine) -> None:
     Exit status: 0 written, 2 bad input.
     """
     with line.complaints():
-        from compare.files import OutputError, write_atomically
+        from analytic.writing import OutputError, write_atomically
         from compare.new import new
 
         text = line.ask(new, NewQuestion)

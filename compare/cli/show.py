@@ -24,5 +24,5 @@ def show(line: CommandLine) -> None:
         question = line.asked(ShowQuestion)
         document, at = read(cast(Path, question.result)), question.at
         over_time = isinstance(document, CrossCheck) and document.over_time
-        where = at if at is None or over_time else math.radians(at)
+        where = at if at is None or over_time else math.radians(float(at))
         line.show(line.ask(show, ShowQuestion, result=document, at=where))

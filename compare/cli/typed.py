@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
+from analytic.writing import write_atomically
 from compare.ci import source
 from compare.cli.folders import named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
 from compare.faults import Exit, OptionError, complaints
-from compare.files import alone_in, made_folder, write_atomically
+from compare.files import alone_in, made_folder
 from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question, arguments, option_of
 

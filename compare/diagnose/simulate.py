@@ -121,11 +121,8 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
         return _several(chosen, mechanism, task, task.course, times)
     drive = mechanism.drive
     motor = task.course or commanded(run, mechanism)
-    fields = (drive.model_dump(exclude_unset=True) if drive else {"joint": mechanism.input_joint.name}) | {
-        "ripple": None
-    }
     if run.drive == "measured" or (drive is not None and drive.ripple is not None):
-        mechanism = mechanism.replace(drive=fields | {"speed": "measured"})
+        mechanism = mechanism.with_drive(speed="measured", ripple=None)
         knots = _knots(times)
         course = knots, turned_by(run, motor.at(knots), task.hypothesis, task.rig).theta
         if mechanism.sliding:  # times count from the first knot: late readings may ask for some before zero
@@ -135,7 +132,7 @@ def _driven(chosen: Engine, mechanism: Mechanism, task: Task, times: np.ndarray)
             schedule = Schedule.of_crank(mechanism, course, times)
         request = Request(mechanism, _joint_model(mechanism), schedule)
     else:
-        mechanism = mechanism.replace(drive=fields | {"speed": float(run.speed or 0.0)})
+        mechanism = mechanism.with_drive(speed=float(run.speed or 0.0), ripple=None)
         lead_in = TURN_TO_LAND if mechanism.half_gap and turns_fully(Assembly(mechanism)) else 0.0
         schedule = Schedule.at_angles(mechanism, motor.at(times).theta)
         request = Request(mechanism, _joint_model(mechanism), schedule, lead_in=lead_in)
@@ -195,9 +192,8 @@ def _let_go(
     """
     off: dict[str, float] = {}
     if mechanism.sliding:
-        drive, joint = mechanism.drives[0].model_dump(exclude_unset=True), mechanism.input_joint
-        off[mechanism.encoder.name] = place - Assembly(mechanism).positions[joint.name]
-        released = mechanism.replace(drive=drive | {"speed": "free"})
+        off[mechanism.encoder.name] = place - Assembly(mechanism).positions[mechanism.input_joint.name]
+        released = mechanism.with_drive(speed="free")
         if np.ptp(Freedom.of(Assembly(released)).table, axis=1).max() > EVERYWHERE:
             raise ValueError("a slide whose forces change with its travel is let go where it is assembled alone")
     else:

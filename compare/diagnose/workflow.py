@@ -68,7 +68,7 @@ def diagnose(question: DiagnoseQuestion) -> Diagnosis:
             tuple(question.only),
             tuple(question.exclude),
             own,
-            question.others,
+            bool(question.others),
             question.workers,
             told,
             question.budget,

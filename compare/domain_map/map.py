@@ -66,10 +66,8 @@ class MapPlan:
 
     def asked(self, speed: float, clearance: float, restitution: float | None = None) -> Mechanism:
         """The mechanism of a cell with the contact that it gives itself, and this ``restitution``."""
-        assert self.mechanism.drive is not None
         assert self.mechanism.speed is not None
-        turning = {"speed": math.copysign(speed, self.mechanism.speed)}
-        linkage = self.mechanism.replace(drive=self.mechanism.drive.model_copy(update=turning))
+        linkage = self.mechanism.with_drive(speed=math.copysign(speed, self.mechanism.speed))
         linkage = linkage.with_clearances(dict.fromkeys(self.joints, clearance))
         for name in self.joints if self.joint_model != "massless-link" and restitution is not None else ():
             linkage = linkage.with_joint(name, restitution=restitution, contact_damping=None)

@@ -60,7 +60,7 @@ class AccuracyQuestion(Question):
     ] = None
     outputs: Outputs = None
     limits: Annotated[
-        Mapping[str, float | str] | None,
+        Mapping[str, float | str] | str | None,
         Option(
             "Largest good error, such as rocker_angle=0.05deg; says how many linkages within [tolerances] are good.",
             ByOutput("OUTPUT=VALUE"),

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from compare.questions.option import AllOrNone, Files, Option, RepeatedNames, Seconds, Switch, Whole
 from compare.questions.question import Question
@@ -36,7 +36,7 @@ class DiagnoseQuestion(Question):
         bool, Option("Put the law that is proposed into the model and diagnose again with it.", Switch())
     ] = False
     others: Annotated[
-        bool,
+        bool | Literal["all", "none"],
         Option(
             "Engines that simulate the explanation too: every installed one, or none.",
             AllOrNone(choices=("all", "none")),

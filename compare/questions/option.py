@@ -129,14 +129,14 @@ class Choice(ArgumentKind[StrEnum]):
 
 
 class AllOrNone(Choice):
-    """True or False, typed as one of two words."""
+    """True or False, or one of two words that stand for them."""
 
     def parse(self, word: StrEnum, called: str) -> bool:
         """Whether the first word was typed."""
         return str(word) == self.choices[0]
 
     def check(self, given: object, called: str) -> bool:
-        return Switch().check(given, called)
+        return given == self.choices[0] if given in self.choices else Switch().check(given, called)
 
     def stands_for(self, argument: object) -> object:
         return super().stands_for(self.choices[0 if argument else 1])
@@ -328,6 +328,9 @@ class ByOutput(ArgumentKind[list[str]]):
                 raise ArgumentError(called, f"output {name} is there twice; give each output once")
             limits[name] = size
         return limits or None
+
+    def check(self, given: object, called: str) -> object:
+        return self.parse([given], called) if isinstance(given, str) else given
 
     def stands_for(self, argument: object) -> object:
         """None of no limits, which typer cannot show."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import functools
 import inspect
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import Field, dataclass, fields
 from difflib import get_close_matches
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, ForwardRef, ParamSpec, TypeVar, cast, dataclass_transform, get_args
 
+from analytic.errors import warn
 from compare.progress import progress_bar
 from compare.questions.option import Option
 
@@ -65,12 +65,13 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
         @functools.wraps(answer)
         def asked(*arguments: P.args, **named: P.kwargs) -> R:
             now = _renamed(question, named)
-            check_names(answer.__name__, question, now)
+            check_names(answer.__name__, known, now)
             given = question(*arguments, **now)
             with progress_bar(getattr(given, "progress", None), answer.__name__.replace("_", " ")):
                 return answer(given)
 
         assert isinstance(question, type)
+        known = [each.name for each in arguments(question)]
         returns = inspect.signature(answer).return_annotation
         signature = inspect.signature(question).replace(return_annotation=returns)
         asked.__signature__ = signature.replace(  # type: ignore[attr-defined]
@@ -93,22 +94,22 @@ def _renamed(question: object, named: Mapping[str, object]) -> Any:
     for name, option in options(question).items():
         if option.formerly in now and name not in now:
             text = f"{option.formerly}= is called {name}= now, as on the command line"
-            warnings.warn(text, DeprecationWarning, stacklevel=3)
+            warn(text, DeprecationWarning)
             now[name] = now.pop(option.formerly)
     return now
 
 
-def check_names(called: str, question: object, named: Mapping[str, object]) -> None:
-    """Raise TypeError for an argument that a question has not."""
-    assert isinstance(question, type)
-    known = [each.name for each in arguments(question)]
+def check_names(called: str, known: Collection[str], named: Mapping[str, object]) -> None:
+    """Raise TypeError for an argument that is not among those of the function that is ``called`` so."""
     for name in (name for name in named if name not in known):
+        from analytic.mechanism.model import changed_by
+
         near = get_close_matches(name, known, 1)
-        remedy = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}."
-        own = (
-            "What a mechanism says, such as its drive's speed, is changed in it (replace, with_joint) or swept (sweep)"
+        other = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"
+        own = changed_by(name)
+        raise TypeError(
+            f"{called}() has no argument {name!r}; {f'{own} of the mechanism, or by sweep' if own else other}"
         )
-        raise TypeError(f"{called}() has no argument {name!r}; {remedy} {own}")
 
 
 def _type(annotation: Any) -> Any:

@@ -25,7 +25,7 @@ class ShowQuestion(Question):
     ] = None
     _: KW_ONLY
     at: Annotated[
-        float | None,
+        float | str | None,
         Option(
             "Crank angle ({unit}) of a result; time (s) where the linkage swings freely.",
             Moment(),

@@ -10,6 +10,7 @@ import numpy as np
 
 from analytic.mechanism.one_line import shown
 from compare.recorded.errors import DataError
+from compare.recorded.headings import BRACKETS
 from compare.recorded.text import CELLS, too_long
 
 ColumnsByHeading = Mapping[str, np.ndarray | str]
@@ -65,7 +66,7 @@ def _arrow(table: Any) -> ColumnsByHeading:
     for name, column in zip(table.column_names, table.columns, strict=True):
         if kinds.is_timestamp(column.type) or kinds.is_duration(column.type):
             kind = "datetime64" if kinds.is_timestamp(column.type) else "timedelta64"
-            columns[f"{name} [s]"] = seconds(column.to_numpy().astype(f"{kind}[ns]"))
+            columns[in_seconds(name)] = seconds(column.to_numpy().astype(f"{kind}[ns]"))
         elif kinds.is_integer(column.type) or kinds.is_floating(column.type) or kinds.is_decimal(column.type):
             columns[name] = column.cast("float64").to_numpy()
         else:
@@ -97,6 +98,11 @@ def check_lengths(name: str, columns: ColumnsByHeading) -> None:
     if len(set(sizes.values())) > 1:
         each = ", ".join(f"{heading} {size}" for heading, size in sizes.items())
         raise DataError(f"{name}: its vectors have several lengths ({each[:300]}); keep those of one run together")
+
+
+def in_seconds(heading: str) -> str:
+    """The heading of moments or durations that are seconds now, whatever unit it has."""
+    return f"{BRACKETS.sub('', heading).strip()} [s]"
 
 
 def seconds(moments: np.ndarray) -> np.ndarray:

@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 
 from analytic.mechanism.one_line import shown
 from compare.recorded.errors import DataError
-from compare.recorded.formats import ColumnsByHeading, check_lengths, check_size, seconds
+from compare.recorded.formats import ColumnsByHeading, check_lengths, check_size, in_seconds, seconds
 
 if TYPE_CHECKING:
     import pandas
 
 Frame: TypeAlias = "Mapping[str, ArrayLike] | pandas.DataFrame"
-"""A data frame, or numbers (N,) by heading: ``signal [unit]``, as a CSV file's header has them."""
+"""A data frame, or numbers (N,) by heading: ``signal [unit]``, as a CSV file's header has them, or a frame that
+a result or measured data gave."""
 
 
 @dataclass(frozen=True)
@@ -39,26 +40,28 @@ def is_frame(given: object) -> bool:
 
 def frame_source(run: str, frame: Frame) -> FrameSource:
     """The columns of the frame of a run; moments in time are seconds after the first.  A pandas index that has a name
-    is the first column.  Raises DataError.
+    is the first column; a series is a frame of one.  Raises DataError.
     """
     name = f"frame {run!r}"
     if not is_frame(frame):
         raise DataError(
             f"{name}: {shown(type(frame).__name__)} has no columns by heading; give a data frame, or numbers by heading"
         )
+    frame = frame.to_frame() if hasattr(frame, "to_frame") else frame  # a pandas Series
     index = getattr(frame, "index", None)
     if any(each is not None for each in getattr(index, "names", ())):
         frame = frame.reset_index()  # type: ignore[union-attr]  # pandas'
     headings = list(frame.keys())
     if twice := next((each for each in headings if headings.count(each) > 1), None):
         raise DataError(f"{name}: has {shown(str(twice))} twice; give each column a name of its own")
+    units = getattr(frame, "attrs", {}).get("units", {})  # of our own frames
     columns: dict[str, np.ndarray | str] = {}
     for heading in headings:
-        values = _values(frame[heading])
+        values, unit = _values(frame[heading]), units.get(heading)
         if isinstance(values, np.ndarray) and values.dtype.kind in "mM":
-            columns[f"{heading} [s]"] = seconds(values)
+            columns[in_seconds(str(heading))] = seconds(values)
         else:
-            columns[str(heading)] = values
+            columns[f"{heading} [{unit}]" if unit else str(heading)] = values
     check_lengths(name, columns)
     rows = next((values.size for values in columns.values() if isinstance(values, np.ndarray)), 0)
     check_size(name, rows, len(columns))

@@ -147,7 +147,7 @@ def read_parts(
     split: bool = False,
 ) -> list[Table]:
     """The same; with ``split``, each part of a file whose clock starts again as a table.  Raises DataError."""
-    names = Naming(mechanism, layout, mappable, derived)
+    names = Naming(mechanism, layout, mappable and not isinstance(source, FrameSource), derived)
     if isinstance(source, FrameSource):
         return _of_columns(source.name, source.columns, names, timed, split)
     try:
@@ -313,5 +313,5 @@ def _disorder(name: str, read: Rows, time: np.ndarray, column: Column) -> list[s
         return [f"{at} has the time of the row before, {after}{more}; delete the repeated row or give it its own time"]
     return [
         f"{at}: time runs back from {before} to {after}{more}; put the rows in order of time, one run in a"
-        " file, and let a clock run on that starts again, or say --split"
+        " file, and let a clock run on that starts again, or have it split (`split`)"
     ]

@@ -34,9 +34,10 @@ from analytic.mechanism import Mechanism as _Mechanism
 from analytic.mechanism.assumed import Assumed
 from analytic.mechanism.errors import describe
 from analytic.mechanism.model import as_written
-from analytic.mechanism.one_line import count
+from analytic.mechanism.one_line import count, own_names
 from analytic.mechanism.reading import ReadingError, read_json
-from compare.files import alone_in, check_replaceable, made_folder, to_json, write_atomically, write_together
+from analytic.writing import write_atomically, write_together
+from compare.files import alone_in, check_replaceable, made_folder, to_json
 from compare.presentation import LEFT_OVER, Presentation, presentation
 
 if TYPE_CHECKING:
@@ -64,13 +65,17 @@ def rows_of(columns: Mapping[str, np.ndarray], **head: str) -> list[Row]:
     return [head | dict(zip(columns, row, strict=True)) for row in zip(*map(listed, columns.values()), strict=True)]
 
 
-def as_dataframe(rows: Sequence[Row], called: str) -> pandas.DataFrame:
-    """Rows as a data frame.  Raises ImportError with the remedy of what is ``called`` where pandas is not installed."""
+def as_dataframe(rows: Sequence[Row], called: str, units: Mapping[str, str] | None = None) -> pandas.DataFrame:
+    """Rows as a data frame with the ``units`` of its columns.  Raises ImportError with the remedy of what is ``called``
+    where pandas is not installed.
+    """
     try:
         import pandas
     except ImportError:
         raise ImportError(f"{called} needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
-    return pandas.DataFrame(rows)
+    frame = pandas.DataFrame(rows)
+    frame.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in frame}
+    return frame
 
 
 def no_signal(name: str, those: Collection[str]) -> KeyError:
@@ -163,6 +168,9 @@ class Part(BaseModel):
     def __str__(self) -> str:
         return repr(self)
 
+    def __dir__(self) -> list[str]:
+        return own_names(super().__dir__())
+
     @staticmethod
     def _check_sizes(series: Mapping[str, Sized], size: int, of: str = "sample") -> None:
         """Raise ValueError for a series by name that has not a value for each of so many samples."""
@@ -242,8 +250,10 @@ class Document(Part):
         return out.getvalue() if path is None else write_atomically(Path(path), out.getvalue())
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
-        return as_dataframe(self.rows(), "to_dataframe")
+        """The rows as a data frame, whose ``attrs["units"]`` has the SI unit of each column that has one: ``lc.check``
+        and ``lc.measured`` read it.  Raises ImportError with the remedy where pandas is not installed.
+        """
+        return as_dataframe(self.rows(), "to_dataframe", self.units())
 
     @property
     def drawable(self) -> Collection[str]:
@@ -295,9 +305,13 @@ class Document(Part):
             return False
         return getattr(there, "command", None) == getattr(self, "command", None)
 
-    def print_to(self, console: Console) -> None:
-        """Print what matters as a table for a terminal; names and paths as they are, brackets and colons too."""
-        literal = copy(console)  # its output is the console's
+    def print_to(self, console: Console | None = None) -> None:
+        """Print what matters as a table, by default where ``print`` does; names and paths as they are, brackets and
+        colons too.
+        """
+        from rich.console import Console
+
+        literal = copy(console or Console())  # its output is the console's
         literal._markup = literal._emoji = False
         self._shown().print_table(self, literal)
 

@@ -303,5 +303,4 @@ def _filled(along: np.ndarray) -> np.ndarray:
 
 def _on_spring(mechanism: Mechanism, stiffness: float) -> Mechanism:
     """The mechanism with a spring (N.m/rad) in place of its drive's backlash."""
-    assert mechanism.drive is not None
-    return mechanism.replace(drive=mechanism.drive.model_copy(update={"half_gap": 0.0, "stiffness": stiffness}))
+    return mechanism.with_drive(half_gap=0.0, stiffness=stiffness)

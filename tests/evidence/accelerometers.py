@@ -27,10 +27,10 @@ import numpy as np
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism, Sensor
 from analytic.mechanism.file import load
+from analytic.writing import write_atomically
 from compare.diagnose.effects.effect import Values
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.workflow import diagnose
-from compare.files import write_atomically
 from compare.versions import versions
 from sim_models.common.rates import with_rates
 from sim_models.engine import JointModel, Request, SimulationError, declared, engine, installed_version

@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from analytic.writing import write_together
 from compare.arguments import Simulators, engines, modelling
 from compare.faults import Exit, OptionError
-from compare.files import output_folder, write_together
+from compare.files import output_folder
 from compare.results.document import Document, DocumentError
 from tests.evidence.results.remade import Remade
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from analytic.mechanism import Load, Mechanism, MechanismError, Sensor
-from analytic.mechanism.columns import ColumnMeaning, Layout
+from analytic.mechanism.columns import Layout, Meaning
 from analytic.mechanism.errors import describe
 from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import shown
@@ -72,7 +72,7 @@ class Entry(_Part):
     noise: Mapping[str, Annotated[float, Field(gt=0, lt=LARGEST_READING)]] = Field(default_factory=dict)
     from_rest: bool = False
     role: Literal["fit", "validation"] = "fit"
-    columns: Mapping[str, ColumnMeaning | Literal["ignore"]] = Field(default_factory=dict)  # of its file alone
+    columns: Mapping[str, Meaning] = Field(default_factory=dict)  # of its file alone
 
 
 class Said(Layout):

@@ -18,11 +18,13 @@ from compare.diagnose.data.measured_file import Entry, Said, checked
 from compare.diagnose.data.recording import Measured
 from compare.faults import ArgumentError, unusable
 from compare.progress import progress_bar
+from compare.questions.question import check_names
 from compare.recorded.frames import Frame, frame_source, is_frame
 
 CALLED = "measured"  # in messages, where those of a file begin with its name
 OF_A_RUN = {field.alias or name for name, field in Entry.model_fields.items()} - {"name", "file"}
 DRIVE = {"drive_speed", "drive"}  # of a run, of which it has one
+OF_THE_WHOLE = ("columns", "tolerance", "prior", "sensor", "context", "optional")
 OF_TEXT = ("headings", "skip_rows", "separator", "decimal")  # how a file's text is written
 
 Speed = float | str
@@ -51,6 +53,7 @@ def measured(
 
     Raises ArgumentError, MechanismError, or MeasuredError with every fault of the data.
     """
+    check_names(CALLED, ["speed", "runs", *OF_TEXT, *OF_THE_WHOLE, *OF_A_RUN], said)
     if not isinstance(frames, Mapping) or not all(isinstance(k, str) and is_frame(v) for k, v in frames.items()):
         raise ArgumentError(
             "frames", f'a {type(frames).__name__} of them cannot be used; give {{"name of run": frame}}'

@@ -191,8 +191,10 @@ class Measured:
         return found
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The rows as a data frame.  Raises ImportError with the remedy where pandas is not installed."""
-        return as_dataframe(self.rows(), "to_dataframe")
+        """The rows as a data frame, whose ``attrs["units"]`` has the SI unit of each column.  Raises ImportError with
+        the remedy where pandas is not installed.
+        """
+        return as_dataframe(self.rows(), "to_dataframe", {"time": "s"} | {n: s.unit for n, s in self.signals.items()})
 
     def __repr__(self) -> str:
         samples = sum(run.time.size for run in self.runs)

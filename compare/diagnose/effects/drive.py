@@ -34,7 +34,7 @@ class DriveCompliance(Reciprocal):
         return (1e-5 / rig.torque,)
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return with_drive(mechanism, stiffness=values["stiffness"])
+        return mechanism.with_drive(stiffness=values["stiffness"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"stiffness": rig.torque / a}, 0.02)
@@ -66,7 +66,7 @@ class SpeedRipple(Wave):
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         ripple = Ripple(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
-        return with_drive(mechanism, ripple=ripple)
+        return mechanism.with_drive(ripple=ripple)
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         harmonic, phase = float(draw.rng.integers(1, 7)), draw.turn - math.pi
@@ -99,7 +99,7 @@ class TorqueWave(Wave):
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         wave = PeriodicTorque(amplitude=values["amplitude"], harmonic=round(values["harmonic"]), phase=values["phase"])
-        return with_drive(mechanism, periodic_torque=wave)
+        return mechanism.with_drive(periodic_torque=wave)
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         harmonic, phase = float(draw.rng.choice(OF_TORQUE)), draw.turn - math.pi
@@ -130,20 +130,10 @@ class DriveBacklash(Effect):
         return np.array([[PROBED]])  # flights are the longer beside what the crank lags the smaller the gap is
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
-        return with_drive(mechanism, half_gap=values["half_gap"])
+        return mechanism.with_drive(half_gap=values["half_gap"])
 
     def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
         return Growth(lambda a: {"half_gap": a}, 0.02, least=PLAY * 10 ** draw.rng.random())
-
-
-def with_drive(mechanism: Mechanism, **fields: object) -> Mechanism:
-    """The mechanism with fields of its drive, which follows data where it has none."""
-    drive = (
-        mechanism.drive.model_dump(exclude_unset=True)
-        if mechanism.drive
-        else {"joint": mechanism.input_joint.name, "speed": "measured"}
-    )
-    return mechanism.replace(drive=drive | fields)
 
 
 EFFECTS: tuple[Effect, ...] = (DriveCompliance(), SpeedRipple(), TorqueWave(), DriveBacklash())

@@ -13,7 +13,6 @@ import numpy as np
 
 from analytic.mechanism import GROUND, Load, Mechanism, PeriodicTorque
 from compare.diagnose.effects.bodies import LinkLength
-from compare.diagnose.effects.drive import with_drive
 from compare.diagnose.effects.effect import Effect, Parameter, Readings, Rig, Values
 from compare.diagnose.propose.document import in_letters, units
 from compare.diagnose.propose.laws import UNKNOWNS, Candidate
@@ -193,7 +192,7 @@ def _cogging(m: Mechanism, where: str, n: Numbers) -> Mechanism:
     wave = PeriodicTorque(
         amplitude=math.hypot(n[0], n[1]), harmonic=round(n[-1]), phase=math.atan2(sense * n[0], sense * n[1])
     )
-    return with_drive(m, periodic_torque=wave)
+    return m.with_drive(periodic_torque=wave)
 
 
 def _longer(m: Mechanism, where: str, n: Numbers) -> Mechanism:
@@ -215,7 +214,7 @@ def _soft(m: Mechanism, where: str, n: Numbers) -> Mechanism:
 
 def _springy(m: Mechanism, where: str, n: Numbers) -> Mechanism:
     known = m.drive_stiffness
-    return with_drive(m, stiffness=1 / (n[0] + (1 / known if known else 0.0)))
+    return m.with_drive(stiffness=1 / (n[0] + (1 / known if known else 0.0)))
 
 
 ON_MECHANISM: Mapping[tuple[Unknown, str], Callable[[Mechanism, str, Numbers], Mechanism]] = {

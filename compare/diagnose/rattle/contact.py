@@ -49,7 +49,7 @@ def lawless(
         able = [name for name in ENGINES if laws[0].effect.simulated_by(declared(name))]
         raise Unsupported(
             f"{ContactLaw.name} is asked for, and the contact of {simulator} has no stiffness, restitution and friction"
-            f" of its joint's own; choose --simulator {' or '.join(able)}"
+            f" of its joint's own; choose `simulator` {' or '.join(able)}"
         )
     if any(isinstance(t.effect, JointClearance) and t.key not in ruled_out for t in terms):
         return {}

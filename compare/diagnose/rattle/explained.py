@@ -99,7 +99,7 @@ def note_unjudged(problem: Problem) -> None:
     if loose and turns and rattles(problem.measured, turns, sensors):
         problem.notes.append(
             f"The rig rattles, and the model has clearance in {' and '.join(loose)}: what its pins do there cannot be"
-            f" judged sample by sample. Ask for --only contact_law@{loose[0]}, which compares statistics."
+            f" judged sample by sample. Ask for contact_law@{loose[0]} alone (only), which compares statistics."
         )
 
 

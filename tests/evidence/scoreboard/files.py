@@ -12,7 +12,7 @@ from analytic.mechanism import Mechanism
 from analytic.mechanism.file import dumps
 from analytic.mechanism.signals import Signal, named
 from analytic.mechanism.units import dimension, factor
-from compare.files import write_atomically
+from analytic.writing import write_atomically
 
 Readings = dict[str, np.ndarray]
 

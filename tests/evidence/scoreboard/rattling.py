@@ -23,8 +23,9 @@ from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.mechanism.parts import ContactLaw
 from analytic.mechanism.signals import named
+from analytic.writing import write_atomically
 from compare.diagnose.effects.joints import JointClearance
-from compare.files import output_folder, write_atomically
+from compare.files import output_folder
 from sim_models.engine import Request, SimulationError, engine, installed_version
 from tests.evidence import contact_ode
 from tests.evidence.results.scoreboard import Kind, Recorder, TrueEffect, TrueFault, Truth

@@ -17,10 +17,11 @@ import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import Mechanism
+from analytic.writing import write_atomically
 from compare.diagnose.effects.effect import Effect, Values
 from compare.diagnose.effects.sensors import EncoderOffset, SensorBias, SensorFrame, SensorGain
 from compare.diagnose.effects.vocabulary import VOCABULARY
-from compare.files import output_folder, write_atomically
+from compare.files import output_folder
 from sim_models.common.rates import with_rates
 from sim_models.engine import SimulationError, engine, installed_version
 from tests.evidence.results.scoreboard import Recorder, TrueOutsider, Truth

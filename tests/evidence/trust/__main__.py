@@ -16,7 +16,7 @@ import sys
 import warnings
 from pathlib import Path
 
-from compare.files import write_atomically
+from analytic.writing import write_atomically
 from compare.report.svg import draw
 from compare.versions import versions
 from sim_models.engine import ENGINES, declared, installed_version

@@ -10,7 +10,8 @@ import numpy as np
 
 from analytic.kinematics.assembly import AssemblyError
 from analytic.mechanism import MechanismError
-from compare.files import output_folder, write_atomically
+from analytic.writing import write_atomically
+from compare.files import output_folder
 from sim_models.engine import SimulationError, engine, installed_version
 from tests.evidence.results.scoreboard import Kind, Recorder, TrueFault, Truth
 from tests.evidence.scoreboard.bench import coarse, coloured, large, per_run, slightly_off
