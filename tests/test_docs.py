@@ -212,7 +212,7 @@ def test_the_files_of_measured_data_can_be_read(tmp_path: Path) -> None:
     found = blocks(DOCS / "reference" / "measured-data.md")
     (data,) = (block.text for block in found if block.kind == "text")
     layout, measured = (block.text for block in found if block.kind == "toml")
-    assert set(Layout.model_validate(tomllib.loads(layout)).columns) == {"phi_deg", "enc", "temp", "push"}
+    assert set(Layout.model_validate(tomllib.loads(layout)).columns) == {"phi_deg", "enc", "torque", "temp", "push"}
     header, *shown = data.splitlines()
     assert [row.count(",") for row in shown] == [header.count(",")] * 2
     (tmp_path / "measured.toml").write_text(measured, encoding="utf-8")

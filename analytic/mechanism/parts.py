@@ -28,7 +28,7 @@ from pydantic import (
 from analytic.mechanism.errors import MechanismError, describe
 from analytic.mechanism.fits import play
 from analytic.mechanism.one_line import own_names
-from analytic.mechanism.written import BY_ITSELF, part_in_si
+from analytic.mechanism.written import by_itself_in_si
 
 GROUND = "ground"
 SMALLEST_NUMBER = 1e-100  # in any SI unit, of a divisor: the square of a quotient by a smaller one overflows
@@ -136,8 +136,7 @@ class MechanismPart(BaseModel):
     @classmethod
     def _in_si(cls, given: object) -> object:
         """Fields that are written with their unit as numbers in SI.  Raises UnitError."""
-        units = BY_ITSELF.get(cls.__name__.lower())
-        return part_in_si(given, units(given), "") if units is not None and isinstance(given, Mapping) else given
+        return by_itself_in_si(cls.__name__.lower(), given) if isinstance(given, Mapping) else given
 
 
 class Ground(MechanismPart):

@@ -67,7 +67,7 @@ DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
 SENSOR = {"point": "m", "youngs_modulus": "Pa"}
 Units = Mapping[str, str]
-BY_ITSELF: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {  # by the part: what it is in, whatever it belongs to
+_BY_ITSELF: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {  # by the part: what it is in, whatever it belongs to
     "mechanism": lambda _: WHOLE,
     "ground": lambda _: {"points": "m"},
     "body": lambda _: BODY,
@@ -77,6 +77,14 @@ BY_ITSELF: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {  # by the part
     "sensor": lambda _: SENSOR,
     "load": lambda _: LOAD,
 }
+
+
+def by_itself_in_si(kind: str, part: Mapping[str, object]) -> dict[str, object]:
+    """The fields of a part, or of a whole mechanism, in SI as far as their units do not depend on what it belongs to.
+    Raises UnitError, which names the field.
+    """
+    units = _BY_ITSELF.get(kind)
+    return dict(part) if units is None else part_in_si(part, units(part), "")
 
 
 def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
@@ -120,7 +128,7 @@ def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping
     """By table what the fields of one of its parts are in."""
     over = _units_over(fields)
     return {
-        **BY_ITSELF,
+        **_BY_ITSELF,
         "drive": lambda d: DRIVE | {"speed": _rate(fields, d.get("joint"))},
         "stop": lambda stop: STOPS[_rate(fields, stop.get("joint"))],
         "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
