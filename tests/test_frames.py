@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import datetime
 import math
@@ -19,6 +20,7 @@ import linkage_crosscheck as lc
 from analytic.errors import Error
 from analytic.mechanism.file import dumps, load
 from compare.diagnose.data.recording import Measured
+from compare.results.preview import Preview
 from measured_files import RunTable, csv_text, write_measured
 from test_check import FOUR_BAR, turning
 
@@ -125,6 +127,34 @@ def test_frames_of_results_and_of_measured_data_go_back_in_with_their_units() ->
     again = lc.measured(CRANK_ROCKER, {"a": found.to_dataframe().drop(columns="run")}).runs[0]
     np.testing.assert_array_equal(again.time, found.runs[0].time)
     np.testing.assert_array_equal(again.channels["drive_torque"].values, frame["drive_torque"])
+
+
+def test_a_series_over_a_time_that_is_its_index_is_a_frame() -> None:
+    columns = turn()
+    index = pandas.Index(columns["time [s]"], name="time [s]")
+    series = pandas.Series(columns["crank_angle [rad]"], index=index, name="crank_angle [rad]")
+    run = lc.measured(CRANK_ROCKER, {"a": series}).runs[0]
+    np.testing.assert_array_equal(run.channels["crank_angle"].values, columns["crank_angle [rad]"])
+
+
+@pytest.mark.parametrize(("argument", "sign", "rate"), [("columns", -1.0, 1.0), ("runs", 1.0, 1.01)])
+def test_a_slip_in_a_frame_is_mended_by_the_argument_that_is_said(argument: str, sign: float, rate: float) -> None:
+    """A torque of the other sign, and a speed that is 1 % more than the commanded one."""
+    rng = np.random.default_rng(5)
+    frame = lc.analyse(CRANK_ROCKER, angles=np.linspace(0.0, 4 * np.pi, 181)).to_dataframe()
+    noise = {"follower_angle": 1e-5, "coupler_angle": 1e-5, "drive_torque": 1e-4}
+    read = pandas.DataFrame({"time [s]": frame["crank_angle"] / SPEED})
+    for name, sigma in noise.items():
+        read[f"{name} [{frame.attrs['units'][name]}]"] = frame[name] + sigma * rng.normal(size=len(frame))
+    read["drive_torque [N.m]"] *= sign
+
+    def preview(**said: Any) -> Preview:
+        return lc.preview(lc.measured(CRANK_ROCKER, {"a": read}, drive_angle=0.0, noise=noise, **said))
+
+    (fault,) = preview(speed=rate * SPEED).faults
+    name, _, value = fault.text.partition("; say ")[2].partition("; ")[0].partition("=")
+    assert name == argument
+    assert preview(**{name: ast.literal_eval(value)}, **({"speed": SPEED} if name == "columns" else {})).faults == ()
 
 
 def faults_of_file(folder: Path, columns: Mapping[str, Any], fields: Mapping[str, Any]) -> str:

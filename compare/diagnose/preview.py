@@ -102,7 +102,7 @@ def _upside_down(run: MeasuredRun, nominal: Mapping[str, np.ndarray]) -> Iterato
         if np.corrcoef(force, read)[0, 1] < -OPPOSITE and abs(slope + 1) < 1 - OPPOSITE:
             text = (
                 f"{name} of run {run.name!r} is about {slope:.2g} times its prediction: is the load cell mounted upside"
-                " down, or does it read the force on the other body? Then say sign = -1 for it in [columns]"
+                " down, or does it read the force on the other body? Then say sign = -1 for it among the columns"
             )
             yield RecordingFault(run=run.name, signal=name, kind="sign", samples=int(np.sum(here)), text=text)
 

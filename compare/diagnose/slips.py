@@ -9,6 +9,7 @@ Nothing is diagnosed from data with a slip: what would be named from them is not
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, groupby
@@ -29,6 +30,7 @@ from compare.diagnose.effects.sensors import EncoderOffset
 from compare.diagnose.noise import CLOSED, correlation_time
 from compare.diagnose.predict import Hypothesis, Model, Motors, Term, commanded
 from compare.recorded.alternatives import REVERSED, less, line, looks, mended, otherwise, swapped
+from compare.recorded.frames import frame_name
 from compare.recorded.headings import TIME, Column
 from compare.recorded.text import MIN_ROWS
 
@@ -101,14 +103,28 @@ def as_faults(
             f"{first.text.format(where)}: as read it is {off:.3g} times the noise off the nominal model"
             f"{f', so mended {left:.3g} times' if left else ''}; "
         )
-        if first.columns and (everywhere or len(runs) == 1):
-            text += f"say {' and '.join(first.columns)} under [columns]"
-        elif first.columns:
-            text += f"say columns = {{ {', '.join(first.columns)} }} in {_of_runs(alike)}"
-        else:
-            text += "; ".join(f"say {slip.field} in {_of_runs([slip])}" for slip in alike)
+        mending = _mending_frames if all(run.file == frame_name(run.name) for run in runs) else _mending
+        text += mending(alike, everywhere or len(runs) == 1)
         faults.append(Fault(called(first.run), first.signal, first.kind, samples, text))
     return faults
+
+
+def _mending(alike: Sequence[Slip], everywhere: bool) -> str:
+    """The lines of measured.toml that mend slips that are alike."""
+    columns = alike[0].columns
+    if columns and everywhere:
+        return f"say {' and '.join(columns)} under [columns]"
+    if columns:
+        return f"say columns = {{ {', '.join(columns)} }} in {_of_runs(alike)}"
+    return "; ".join(f"say {slip.field} in {_of_runs([slip])}" for slip in alike)
+
+
+def _mending_frames(alike: Sequence[Slip], everywhere: bool) -> str:
+    """The argument of ``lc.measured`` that does."""
+    columns = {"columns": tomllib.loads("\n".join(alike[0].columns))}
+    if alike[0].columns and everywhere:
+        return f"say columns={columns['columns']}"
+    return f"say runs={ {slip.run.name: columns if slip.columns else tomllib.loads(slip.field) for slip in alike} }"
 
 
 def _of_runs(slips: Sequence[Slip]) -> str:

@@ -38,11 +38,16 @@ def is_frame(given: object) -> bool:
     return hasattr(given, "keys") and hasattr(given, "__getitem__")
 
 
+def frame_name(run: str) -> str:
+    """What messages call the frame of a run."""
+    return f"frame {run!r}"
+
+
 def frame_source(run: str, frame: Frame) -> FrameSource:
     """The columns of the frame of a run; moments in time are seconds after the first.  A pandas index that has a name
     is the first column; a series is a frame of one.  Raises DataError.
     """
-    name = f"frame {run!r}"
+    name = frame_name(run)
     if not is_frame(frame):
         raise DataError(
             f"{name}: {shown(type(frame).__name__)} has no columns by heading; give a data frame, or numbers by heading"

@@ -19,7 +19,7 @@ from compare.diagnose.data.recording import Measured
 from compare.faults import ArgumentError, unusable
 from compare.progress import progress_bar
 from compare.questions.question import check_names
-from compare.recorded.frames import Frame, frame_source, is_frame
+from compare.recorded.frames import Frame, frame_name, frame_source, is_frame
 
 CALLED = "measured"  # in messages, where those of a file begin with its name
 OF_A_RUN = {field.alias or name for name, field in Entry.model_fields.items()} - {"name", "file"}
@@ -74,7 +74,7 @@ def measured(
             of_run = {key: value for key, value in of_every.items() if key not in DRIVE}
         else:
             of_run = of_every
-        tables.append({"name": name, "file": f"frame {name!r}"} | _plain(of_run | dict(fields) | driven))
+        tables.append({"name": name, "file": frame_name(name)} | _plain(of_run | dict(fields) | driven))
     nominal = mechanism if isinstance(mechanism, Mechanism) else load(mechanism)
     sources = {table["file"]: table["name"] for table in tables}
     over = {name: quantity.unit for name, quantity in nominal.load_quantities.items()}
