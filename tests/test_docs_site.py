@@ -188,7 +188,7 @@ def test_the_notebook_runs_and_shows_the_paper_s_number() -> None:
     shown = notebook.page(NOTEBOOK)
     assert "first_order  (0.0087, 0.0050) m" in shown  # as printed in section 4
     assert "equilibrium  (0.0082, 0.0057) m" in shown
-    assert "paper: agrees" in shown
+    assert "paper in mujoco: agrees" in shown
     plotted = [cell for cell in code_cells() if re.search(r"\bplot(_orbit)?\(", "".join(cell["source"]))]
     assert shown.count("data:image/png;base64,") == len(plotted) > 1
 
