@@ -86,7 +86,7 @@ def numbers(given: object, called: str, unit: str) -> np.ndarray:
 
 def number(given: object, called: str, unit: str) -> float:
     """One number, in this SI unit where it is a text with one.  Raises ArgumentError."""
-    found = _in_unit(given, unit, called) if isinstance(given, str) else given
+    found = in_unit(given, unit, called) if isinstance(given, str) else given
     if isinstance(found, Real) and not isinstance(found, bool):
         return float(found)
     raise unusable(called, given, f"one number ({unit})")
