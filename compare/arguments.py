@@ -107,9 +107,9 @@ def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
     return tuple(dict.fromkeys(given_names))
 
 
-def on_request(given: object, mechanism: Mechanism, motion: Motion) -> tuple[str, ...]:
-    """The signals beside the usual ones that are asked for: by name, or ``all``; the mechanism's sensors always are.
-    Raises ArgumentError.
+def on_request(given: object, mechanism: Mechanism, motion: Motion, *, usual: bool = False) -> tuple[str, ...]:
+    """The signals beside the usual ones that are asked for: by name, or ``all``; the mechanism's sensors always are,
+    and the ``usual`` ones that are named where they are wanted too.  Raises ArgumentError.
     """
     sensors = tuple(sensor.name for sensor in mechanism.sensors)
     if given is None:
@@ -124,9 +124,9 @@ def on_request(given: object, mechanism: Mechanism, motion: Motion) -> tuple[str
             near = get_close_matches(name, known, n=1)
             remedy = f"give {EVERY_SIGNAL!r}, or some of {', '.join(more)}"
             if near:
-                remedy = f"did you mean {near[0]!r}{'' if near[0] in more else ', which is always there'}"
+                remedy = f"did you mean {near[0]!r}{'' if usual or near[0] in more else ', which is always there'}"
             raise ArgumentError("signals", f"{quoted(name)} is no signal of {mechanism.name}; {remedy}")
-    beside = more if asked == (EVERY_SIGNAL,) else [name for name in asked if name in more]
+    beside = more if asked == (EVERY_SIGNAL,) else [name for name in asked if usual or name in more]
     return tuple(dict.fromkeys([*sensors, *beside]))
 
 

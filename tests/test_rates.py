@@ -315,11 +315,15 @@ def test_pages_and_tables_show_them_only_where_they_are_asked_for(tmp_path: Path
 def test_a_baseline_keeps_what_an_update_was_asked_for(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     case = ("--case", "pendulum", "--simulator", "mujoco")
-    asked = ("--signals", "pendulum_velocity_x,acceleration_O")
+    asked = ("--signals", "pendulum_angle,drive_torque,pendulum_velocity_x,acceleration_O")
+    tight = compare("baseline", "update", *case, "--signals", "clearance_O_x", cwd=tmp_path)
+    assert tight.returncode == 2
+    assert "no run of pendulum in mujoco that moves has clearance_O_x; leave it out" in tight.stderr
     assert compare("baseline", "update", *case, *asked, cwd=tmp_path).returncode == 0
     path = tmp_path / "reports" / "baselines" / "pendulum-mujoco.toml"
     written = path.read_text(encoding="utf-8")
-    assert '"pendulum_velocity_x [m/s]", "acceleration_O [rad/s^2]"]' in written
+    kept = '"pendulum_angle [rad]", "drive_torque [N.m]", "pendulum_velocity_x [m/s]", "acceleration_O [rad/s^2]"]'
+    assert kept in written
     assert compare("baseline", "update", *case, cwd=tmp_path).returncode == 0  # which asks for no others
     assert path.read_text(encoding="utf-8") == written
     assert compare("baseline", "check", *case, cwd=tmp_path).returncode == 0

@@ -19,7 +19,7 @@ from analytic.mechanism.signals import named
 from analytic.writing import OutputError, write_atomically
 from compare.arguments import Linkage, Names, engines, linkage, modelling, on_request, warn_of_friction
 from compare.baseline.comparison import fits, moved
-from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, owned, read, write
+from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, by_itself, owned, read, write
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
 from compare.faults import ArgumentError, Exit, OptionError
@@ -108,7 +108,7 @@ def _each(work: Work, question: BaselinesQuestion, folder: Path, progress: Progr
     names = [modelling(name) for name in installed]
     for mechanism, _ in mechanisms:
         warn_of_friction(mechanism, None, "static")
-        on_request(question.signals, mechanism, "driven")  # all of them, before a file is written
+        on_request(question.signals, mechanism, "driven", usual=True)  # all of them, before a file is written
     entries = []
     for mechanism, typed in mechanisms:
         for name in names:
@@ -123,7 +123,7 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
     if cases is None or not isinstance(cases, Mechanism | str | Path):
         raise ArgumentError("cases", "results are of one case; give it")
     mechanism = linkage(cases, large=True)
-    on_request(question.signals, mechanism, "driven")
+    on_request(question.signals, mechanism, "driven", usual=True)
     files, layout = result_files(results), layout_of(map)
     tables: list[Table] = []
 
@@ -238,8 +238,13 @@ def update_file(
     stored = None
     with suppress(BaselineError):
         stored = read(path, mechanism.name, simulator, "")
-    more = on_request(signals, mechanism, "driven") or _more(mechanism, stored)
+    asked = on_request(signals, mechanism, "driven", usual=True)
+    more = list(dict.fromkeys([*asked, *(_more(mechanism, stored) if signals is None else ())]))
     version, fresh = made(mechanism, simulator, resolve, more)
+    lacking = set(asked if signals else ()).difference(c.partition(" [")[0] for run in fresh for c in run.columns)
+    if lacking:
+        names = ", ".join(sorted(lacking))
+        raise ArgumentError("signals", f"no run of {mechanism.name} in {simulator} that moves has {names}; leave it out")
     new = Baseline(mechanism.name, simulator, version, tuple(fresh))
     moves: tuple[Moved, ...] = ()
     old, why = new, "written"
@@ -255,10 +260,11 @@ def update_file(
 
 
 def _more(mechanism: Mechanism, stored: Baseline | None) -> list[str]:
-    """The signals on request that a baseline has of its case."""
+    """The signals that a baseline has of its case because somebody asked for them."""
     known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
-    names = dict.fromkeys(name for run in (stored.runs if stored else ()) for name in _signals(run))
-    return [name for name in names if name in known and known[name].on_request]
+    columns = dict.fromkeys(column for run in (stored.runs if stored else ()) for column in run.columns)
+    names = [column.partition(" [")[0] for column in columns if by_itself(column)]
+    return [name for name in names if name in known]
 
 
 def _entry(path: Path, stored: Baseline, version: str, moves: tuple[Moved, ...], became: Status, why: str) -> Entry:

@@ -5,10 +5,12 @@ it was.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from analytic.mechanism.signals import wrapped
 from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, StoredRun, by_itself, inline
 from compare.results.baselines import Moved
 
@@ -57,6 +59,7 @@ def moved(old: StoredRun, new: StoredRun, tolerance: MovedLimits) -> list[Moved]
         if unit == "deg":
             by = (by + 180) % 360 - 180
             by[_turned_up_or_lost(old.rows[:, j], new.rows[:, j], old.rows[:, j + 1])] = np.inf
+        by = wrapped(by) if unit == "rad" else by
         allowed = _allowed(signal, unit, old.rows[:, j], largest, tolerance)
         gone = np.flatnonzero(np.abs(by) > allowed)
         if gone.size:
@@ -84,8 +87,8 @@ def _turned_up_or_lost(old: np.ndarray, new: np.ndarray, size: np.ndarray) -> np
 
 
 def _allowed(signal: str, unit: str, values: np.ndarray, largest: float, tolerance: MovedLimits) -> float:
-    if unit == "deg":
-        return tolerance.angle
+    if unit in ("deg", "rad"):
+        return tolerance.angle if unit == "deg" else math.radians(tolerance.angle)
     if by_itself(f"{signal} [{unit}]"):
         return tolerance.magnitude * float(np.abs(values).max())
     if signal.endswith("_magnitude"):

@@ -59,7 +59,7 @@ class MovedLimits(_BaselinePart):
     """How far a number may be from the baseline's before it has moved."""
 
     angle: _Limit = 0.005  # deg; half of what must be seen
-    magnitude: _Limit = 1e-4  # of the joint's largest force in the run; of a rate, an acceleration or power by itself
+    magnitude: _Limit = 1e-4  # of the joint's largest force in the run; of any other signal but an angle by itself
     rms: _Limit = 0.15  # of the stored value, of averages but a share; other roundings spread them by 0.02 (1 sigma)
     free_share: _Limit = 0.25  # of time; other roundings spread it by 0.04 (1 sigma)
 

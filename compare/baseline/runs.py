@@ -7,7 +7,7 @@ averages over its revolutions.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -213,14 +213,18 @@ def _table(setup: Setup, trace: Trace, more: Sequence[str]) -> StoredRun:
         columns |= _reaction(joint, force, NO_FORCE * largest)
     if trace.motion == "driven":
         m = setup.request.mechanism
-        columns |= _named(m, with_rates(m, trace, more), more)
+        columns |= _named(m, with_rates(m, trace, more), more, columns)
     return StoredRun(setup.name, setup.added, tuple(columns), np.column_stack(list(columns.values())))
 
 
-def _named(mechanism: Mechanism, signals: Mapping[str, np.ndarray], more: Sequence[str]) -> dict[str, np.ndarray]:
-    """Those of ``more`` signals that there are, by name and unit."""
+def _named(
+    mechanism: Mechanism, signals: Mapping[str, np.ndarray], more: Sequence[str], columns: Iterable[str]
+) -> dict[str, np.ndarray]:
+    """Those of ``more`` signals that there are and no column has already, by name and unit."""
     known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
-    return {f"{name} [{known[name].unit}]": signals[name] for name in more if name in signals}
+    there = {column.partition(" [")[0] for column in columns}  # and of a tight joint rounding is no displacement
+    there |= {n for n, s in known.items() if s.kind == "clearance" and not mechanism.joint(s.place).clearance}
+    return {f"{name} [{known[name].unit}]": signals[name] for name in more if name in signals and name not in there}
 
 
 def of_results(mechanism: Mechanism, table: Table, more: Sequence[str] = ()) -> StoredRun:
@@ -243,7 +247,7 @@ def of_results(mechanism: Mechanism, table: Table, more: Sequence[str] = ()) -> 
         if sides[0] is None or sides[1] is None:
             continue
         columns |= _reaction(joint, (sides[0] + 1j * sides[1])[every])
-    columns |= {name: values[every] for name, values in _named(mechanism, table.values, more).items()}
+    columns |= {name: values[every] for name, values in _named(mechanism, table.values, more, columns).items()}
     if len(columns) == 1 or not all(np.all(np.isfinite(v)) for n, v in columns.items() if not n.endswith("[deg]")):
         raise DataError(
             f"the results of {mechanism.name} have no reaction in every row with both components, reaction_<joint>_x"

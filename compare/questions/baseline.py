@@ -35,8 +35,8 @@ class BaselinesQuestion(Question):
     signals: Annotated[
         "Names | None",
         Option(
-            "Signals beside the reactions of runs that move, kept from then on: velocities, accelerations and"
-            " drive_power, by name, or all of them; of an update.",
+            "Signals beside the reactions of runs that move, kept from then on, by name; all is every velocity and"
+            " acceleration and drive_power; of an update.",
             NameList("NAME,..."),
         ),
     ] = None
