@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 from compare.files import NOT_XML, relative
 
 MOST_ANNOTATIONS = 10  # errors of one step that GitHub shows
+NO_ANSWER = "compare without an answer"  # what tests are called where a command had none
 SOURCES = ("measured", "results", "case", "rig", "result")  # options that name the file an answer is about, in order
 
 
@@ -62,23 +63,38 @@ def junit_xml(name: str, suites: Sequence[JUnitSuite], file: str) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
+def no_answer(command: str, why: str, kind: str) -> str:
+    """JUnit XML of a command that has no answer, the one case of it an error."""
+    case = JUnitCase((command,), "answer", error=why, kind=kind)
+    return junit_xml(NO_ANSWER, [JUnitSuite(command, [case])], "")
+
+
+def is_no_answer(path: Path) -> bool:
+    """Whether a file is such JUnit XML, which the next answer may replace."""
+    try:
+        return f'name="{NO_ANSWER}"' in path.read_text(encoding="utf-8").partition("<testsuite ")[0]
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
 def wrong(suites: Sequence[JUnitSuite]) -> list[JUnitCase]:
     """The cases with a failure or an error, those first that are the most times off their tolerance."""
     cases = (case for suite in suites for case in suite.cases)
     return sorted((case for case in cases if case.failure or case.error), key=lambda case: -case.times)
 
 
-def annotated(suites: Sequence[JUnitSuite], file: str) -> list[str]:
+def annotated(suites: Sequence[JUnitSuite], file: str, kept: str) -> list[str]:
     """A line for GitHub for each case that is wrong, on its own file or this one; nothing where no workflow of GitHub
     runs this.
 
-    GitHub shows so many of a step and leaves the rest out in silence: the last one says how many more there are.
+    GitHub shows so many of a step and leaves the rest out in silence: the last one says how many more there are, and
+    where all are ``kept``.
     """
     cases = wrong(suites) if in_workflow() else []
     lines = [annotation(case.failure or case.error, case.title, case.file or file) for case in cases]
     if len(lines) <= MOST_ANNOTATIONS:
         return lines
-    more = f"{len(lines) - MOST_ANNOTATIONS + 1} more are wrong; junit.xml and the report have them all"
+    more = f"{len(lines) - MOST_ANNOTATIONS + 1} more are wrong; {kept} has them all"
     return [*lines[: MOST_ANNOTATIONS - 1], annotation(more, "and more", file)]
 
 

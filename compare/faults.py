@@ -142,7 +142,15 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
-def stop(error: object, status: Exit, file: str = "", told: Callable[[str], str] = str) -> typer.Exit:
+class Stopped(typer.Exit):
+    """The end of a command that has no answer; ``why`` is what it said."""
+
+    def __init__(self, status: Exit, why: str) -> None:
+        super().__init__(status)
+        self.why = why
+
+
+def stop(error: object, status: Exit, file: str = "", told: Callable[[str], str] = str) -> Stopped:
     """Say why on standard error, in one line, or one for each fault of a file, each as it is ``told``, and mark it in a
     workflow of GitHub; raise what this returns.
     """
@@ -156,7 +164,7 @@ def stop(error: object, status: Exit, file: str = "", told: Callable[[str], str]
         typer.echo(f"compare: {text}", err=True)
         if in_workflow() and fault in marked and status in (Exit.BAD_INPUT, Exit.SIMULATOR_FAILED):
             typer.echo(annotation(text, "compare", file), err=True)
-    return typer.Exit(status)
+    return Stopped(status, "; ".join(marked))
 
 
 def no_pin(name: str, pins: Sequence[str], linkage: Mechanism) -> str:

@@ -46,8 +46,8 @@ def check(folder: Path, fault: Planted, mechanism: Mechanism = PAPER) -> bool:
     path, again = file_of(folder, mechanism.name, "planted"), command("update", OF_PAPER, folder)
     entry = check_file(path, mechanism, "planted", again, lambda name: fault)
     print(*lines(entry), sep="\n")
-    assert entry.status == ("moved" if entry.moved else "same")
-    return not entry.moved
+    assert entry.status == ("moved" if entry.moved or entry.why else "same")
+    return entry.status == "same"
 
 
 # -------------------------------------------------------------------- the command
@@ -96,11 +96,12 @@ def test_two_hundredths_of_a_degree_are_status_1_and_reported_with_size_sign_and
     planted(twice, tmp_path)
     done = compare("check", "--case", "paper", "--simulator", "mujoco", cwd=tmp_path)
     assert done.returncode == 1
-    _, *lines, look = done.stdout.splitlines()
+    _, *lines, look, accept = done.stdout.splitlines()
+    assert accept == "  to accept it: compare baseline update --case paper --simulator mujoco"
     stored = "reports/baselines/paper-mujoco.toml"
     assert look == (
         "  to look at it: compare baseline update --case paper --simulator mujoco --baselines moved"
-        f" && diff {stored} moved/paper-mujoco.toml"
+        f" && diff -I '^#' {stored} moved/paper-mujoco.toml"
     )
     assert compare(*shlex.split(look.partition("&&")[0])[6:], cwd=tmp_path).returncode == 0
     now = (tmp_path / "moved" / "paper-mujoco.toml").read_text(encoding="utf-8").splitlines()
@@ -448,10 +449,18 @@ def test_a_damaged_file_is_replaced_by_an_update(tmp_path: Path) -> None:
 def test_runs_that_differ_do_not_fit() -> None:
     assert fits([TABLE], [TABLE]) == ""
     assert "it has the runs" in fits([TABLE], [])
-    assert "was made with" in fits([TABLE], [replace(TABLE, added={"clearance": {"B": 1e-4}})])
     assert "other columns" in fits(
         [TABLE], [replace(TABLE, columns=("crank_angle [deg]", "reaction_B_angle [deg]", "reaction_E_magnitude [N]"))]
     )
+
+
+def test_a_changed_clearance_has_moved_and_is_said_in_millimetres(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    update(tmp_path, Planted(), PAPER.with_clearances({"A": 1e-4, "B": 1e-4}))
+    assert not check(tmp_path, Planted(), PAPER.with_clearances({"A": 1e-4, "B": 2e-4}))
+    said = "was made with clearance B 0.1 mm, and is now made with clearance B 0.2 mm"
+    assert said in capsys.readouterr().out
 
 
 # -------------------------------------------------------------------- what is stored

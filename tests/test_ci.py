@@ -38,7 +38,7 @@ def test_a_disagreement_is_annotated_looked_at_and_written_with_relative_paths(j
     head = "::error file=linkages/my%2C linkage.toml,title=mine%2C mujoco%2C contact%2C static%3A reaction_D_angle::"
     assert lines[0].startswith(f"{head}reaction angle at D: +11.3")
     assert len(lines) == MOST_ANNOTATIONS
-    assert lines[-1].endswith("4 more are wrong; junit.xml and the report have them all")
+    assert lines[-1].endswith("4 more are wrong; out/junit.xml has them all")
 
     cases = list(ElementTree.parse(out / "junit.xml").iter("testcase"))
     failed = [case for case in cases if case.find("failure") is not None]
@@ -82,6 +82,19 @@ def test_bad_input_is_annotated_on_its_file(job: Path) -> None:
     assert marked == f"::error file=linkages/my%2C linkage.toml,title=compare::{said.removeprefix('compare: ')}"
 
 
+def test_bad_input_leaves_one_error_in_the_junit_file_which_the_next_answer_replaces(job: Path) -> None:
+    (job / "bad.toml").write_text("clearence = 1", encoding="utf-8")
+    for line in (["baseline", "check", "--junit", "out/junit.xml"], ["check", "theirs.csv", "--out", "out"]):
+        done = commands.compare(*line, "--case", "bad.toml", cwd=job)
+        assert done.returncode == 2
+        (error,) = ElementTree.parse(job / "out" / "junit.xml").iter("error")
+        assert error.get("message") == done.stderr.splitlines()[0].removeprefix("compare: ")
+    commands.compare("analyse", "--motion", "static", "--out", "one", "-q", cwd=job)
+    fine = commands.compare("check", "one/signals.csv", "--motion", "static", "--out", "out", "-q", cwd=job)
+    assert fine.returncode == 0, fine.stderr
+    assert not list(ElementTree.parse(job / "out" / "junit.xml").iter("error"))
+
+
 def test_results_that_disagree_are_annotated_on_their_file_and_looked_at(job: Path) -> None:
     """Recorded results, one reaction a fifth too large; then a file with two faults, each marked by itself."""
     done = commands.compare("analyse", "--motion", "static", "--out", "one", "-q", cwd=job)
@@ -113,11 +126,11 @@ def test_results_that_disagree_are_annotated_on_their_file_and_looked_at(job: Pa
 def test_github_s_ten_are_those_farthest_off_and_say_how_many_more(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     cases = [JUnitCase(("a",), f"s{k}", failure=f"off {k}", times=k) for k in range(MOST_ANNOTATIONS + 5)]
-    lines = annotated([JUnitSuite("all", [*cases, JUnitCase(("a",), "fine", said="agrees")])], "")
+    lines = annotated([JUnitSuite("all", [*cases, JUnitCase(("a",), "fine", said="agrees")])], "", "j.xml")
     assert lines[0] == "::error title=a%3A s14::off 14"
     assert len(lines) == MOST_ANNOTATIONS
-    assert "6 more" in lines[-1]
-    assert len(annotated([JUnitSuite("all", cases[:MOST_ANNOTATIONS])], "")) == MOST_ANNOTATIONS
+    assert lines[-1].endswith("6 more are wrong; j.xml has them all")
+    assert len(annotated([JUnitSuite("all", cases[:MOST_ANNOTATIONS])], "", "j.xml")) == MOST_ANNOTATIONS
 
 
 def test_what_a_workflow_s_command_may_not_hold_is_escaped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

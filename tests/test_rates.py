@@ -335,7 +335,8 @@ def test_a_baseline_keeps_what_an_update_was_asked_for(tmp_path: Path) -> None:
     path.write_text(moved, encoding="utf-8")
     done = compare("baseline", "check", *case, cwd=tmp_path)
     assert done.returncode == 1
-    assert "acceleration_O" in done.stdout
+    assert "acceleration_O moved" in done.stdout
+    assert "--signals pendulum_angle,drive_torque,pendulum_velocity_x,acceleration_O --baselines moved" in done.stdout
     assert compare("baseline", "check", *case, *asked, cwd=tmp_path).returncode == 2
 
 

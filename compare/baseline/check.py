@@ -18,7 +18,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import named
 from analytic.writing import OutputError, write_atomically
 from compare.arguments import Linkage, Names, engines, linkage, modelling, on_request, warn_of_friction
-from compare.baseline.comparison import fits, moved
+from compare.baseline.comparison import fits, moved, remade
 from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, by_itself, owned, read, write
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
@@ -145,7 +145,7 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
 
 def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) -> Baselines:
     """What was found, with what differs in sentences."""
-    differences = [f"{e.case}, {e.simulator}: {m.sentence}" for e in entries if e.status == "moved" for m in e.moved]
+    differences = [f"{e.case}, {e.simulator}: {each}" for e in entries if e.status == "moved" for each in e.sentences]
     faults = [e.why for e in entries if e.status in ("unusable", "failed")]
     notes = [
         f"{e.file}: made with {e.simulator} {e.stored_version}, and {e.version} is here"
@@ -173,7 +173,11 @@ def _safely(
     opposite = command("update" if work is check_file else "check", options, folder)
     try:
         entry = work(path, mechanism, simulator, opposite, engine, made)
-        return entry.model_copy(update={"look": to_look(path, options)}) if entry.status == "moved" else entry
+        if entry.status != "moved":
+            return entry
+        more = _more(mechanism, read(path, mechanism.name, simulator, opposite))
+        asked = [*options, *(["--signals", ",".join(more)] if more else [])]
+        return entry.model_copy(update={"look": to_look(path, asked), "accept": opposite})
     except (SimulatorMissing, SimulationError) as error:
         failed: Status = "failed"
         why = error.said(()) if isinstance(error, SimulationError) else str(error)
@@ -195,7 +199,7 @@ def command(verb: str, options: Sequence[str], folder: Path) -> str:
 
 def to_look(path: Path, options: Sequence[str]) -> str:
     """The command line that shows every number of a baseline that moved, beside what it is now; it changes none."""
-    both = shlex.join(["diff", str(path), str(LOOK / path.name)])
+    both = shlex.join(["diff", "-I", "^#", str(path), str(LOOK / path.name)])
     return relative(f"{command('update', options, LOOK)} && {both}")
 
 
@@ -217,8 +221,9 @@ def check_file(
     misfit = fits(stored.runs, fresh)
     if misfit:
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
-    moves = _moved(stored, fresh)
-    return _entry(path, stored, version, moves, "moved" if moves else "same", "")
+    other = remade(stored.runs, fresh)
+    moves = () if other else _moved(stored, fresh)
+    return _entry(path, stored, version, moves, "moved" if moves or other else "same", other)
 
 
 def update_file(
@@ -244,13 +249,15 @@ def update_file(
     lacking = set(asked if signals else ()).difference(c.partition(" [")[0] for run in fresh for c in run.columns)
     if lacking:
         names = ", ".join(sorted(lacking))
-        raise ArgumentError("signals", f"no run of {mechanism.name} in {simulator} that moves has {names}; leave it out")
+        raise ArgumentError(
+            "signals", f"no run of {mechanism.name} in {simulator} that moves has {names}; leave it out"
+        )
     new = Baseline(mechanism.name, simulator, version, tuple(fresh))
     moves: tuple[Moved, ...] = ()
     old, why = new, "written"
     if stored is not None:
         old, why, new = stored, "rewritten: other runs than before", replace(new, tolerance=stored.tolerance)
-        if not fits(stored.runs, fresh):
+        if not (fits(stored.runs, fresh) or remade(stored.runs, fresh)):
             moves = _moved(stored, fresh)
             new = replace(new, runs=tuple(_kept(stored, fresh, moves)))
             why = "" if not moves and version == stored.version else "rewritten"

@@ -6,9 +6,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from pydantic import JsonValue
 
 from analytic.mechanism.signals import wrapped
 from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, StoredRun, by_itself, inline
@@ -23,8 +24,6 @@ def fits(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
     if [run.name for run in stored] != [run.name for run in fresh]:
         return f"it has the runs {_listed(stored)}; the case now has {_listed(fresh)}"
     for old, new in zip(stored, fresh, strict=True):
-        if json.loads(json.dumps(old.added)) != json.loads(json.dumps(new.added)):
-            return f"run {old.name!r} was made with {inline(old.added)}, and is now made with {inline(new.added)}"
         if bool(old.skipped) != bool(new.skipped):
             return f"run {old.name!r} " + (
                 f"was skipped ({old.skipped}) and now runs" if old.skipped else f"is skipped now: {new.skipped}"
@@ -38,6 +37,28 @@ def fits(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
         ):
             return f"run {old.name!r} is at other crank angles"
     return ""
+
+
+def remade(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
+    """What runs that fit are otherwise made with, of the first that is; or nothing."""
+    for run, new in zip(stored, fresh, strict=True):
+        was, now = (json.loads(json.dumps(each.added)) for each in (run, new))
+        if was != now:
+            return f"run {run.name!r} was made with {_others(was, now)}, and is now made with {_others(now, was)}"
+    return ""
+
+
+def _others(added: Mapping[str, JsonValue], beside: Mapping[str, JsonValue]) -> str:
+    """What a run has of its own that another one has not; a clearance of a joint in millimetres."""
+    said = []
+    for name, value in added.items():
+        other = beside.get(name, {} if name == "clearance" else None)
+        if isinstance(value, dict) and isinstance(other, dict):
+            sizes = ((joint, size) for joint, size in value.items() if size != other.get(joint))
+            said += [f"{name} {joint} {1e3 * size:.4g} mm" for joint, size in sizes if isinstance(size, float)]
+        elif value != other:
+            said.append(inline({name: value}))
+    return ", ".join(said) or "none of that"
 
 
 def _listed(runs: Sequence[StoredRun]) -> str:

@@ -46,6 +46,7 @@ def check(line: CommandLine) -> None:
 
         junit = line.asked(Junit).junit
         refuse_inputs(line.context, [junit] if junit is not None else [], "--junit")
+        line.tests.extend([junit] if junit is not None else [])
         with nullcontext() if junit is None else made_folder(junit.parent, "--junit"):
             baselines = _asked(line, check_baselines)
             if junit is not None:

@@ -14,6 +14,7 @@ from typing import Any
 import typer
 
 from analytic.writing import OutputError
+from compare.ci import is_no_answer
 from compare.files import check_replaceable, file_name, relative
 
 NOT_ASKED = {
@@ -48,6 +49,7 @@ def result_folder(
     folder = Path("reports") / _named(context, stem) if out is None else out
     refuse_inputs(context, (folder / name for name in (file, *beside)))
     if not overwrite:
+        beside = [name for name in beside if not is_no_answer(folder / name)]
         check_replaceable(folder, file, beside, same_question(context), "--out", REMEDY)
     return folder
 

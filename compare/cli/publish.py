@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
-from compare.ci import annotated, wrong
+from compare.ci import annotated, is_no_answer, wrong
 from compare.cli.folders import REMEDY, same_question
 from compare.files import check_replaceable, relative
 
@@ -43,7 +43,8 @@ def put(document: Document, folder: Path, overwrite: bool, context: typer.Contex
 
     texts = document.files()
     if not overwrite:
-        check_replaceable(folder, document.file, texts, same_question(context), "--out", REMEDY)
+        beside = [name for name in texts if not is_no_answer(folder / name)]
+        check_replaceable(folder, document.file, beside, same_question(context), "--out", REMEDY)
     replace_result(folder, texts)
 
 
@@ -56,12 +57,15 @@ def resumed() -> Iterator[None]:
         raise KeyboardInterrupt("the same command goes on where it stopped") from None
 
 
-def show(document: Document, *, json: bool, quiet: bool, place: Path | None = None, file: str = "") -> None:
+def show(
+    document: Document, *, json: bool, quiet: bool, place: Path | None = None, tests: Path | None = None, file: str = ""
+) -> None:
     """Print a document: its JSON, or the table for a terminal, where its files are, and how to look at what is worst in
-    it; annotations of the ``file`` that it is about on standard error, in a workflow of GitHub.
+    it; annotations of the ``file`` that it is about on standard error, in a workflow of GitHub, with where all are as
+    ``tests``.
     """
     judged = document.judgements()
-    say(annotated(judged, file))
+    say(annotated(judged, file, str(tests or "a file of --junit")))
     if json:
         typer.echo(document.to_json())
         return

@@ -3,19 +3,20 @@
 import inspect
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, Field, dataclass
+from dataclasses import field as attribute
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
-from analytic.writing import write_atomically
-from compare.ci import source
+from analytic.writing import OutputError, write_atomically
+from compare.ci import no_answer, source
 from compare.cli.folders import named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
-from compare.faults import Exit, OptionError, complaints
+from compare.faults import Exit, OptionError, Stopped, complaints
 from compare.files import alone_in, made_folder
 from compare.questions.option import LeftOut, Option, Switch, Whole, Written
 from compare.questions.question import Question, arguments, option_of
@@ -71,11 +72,24 @@ class CommandLine:
     context: typer.Context
     questions: tuple[type[Question], ...]
     words: Mapping[str, object]
+    tests: list[Path] = attribute(default_factory=list)  # JUnit files that it writes
 
-    def complaints(self) -> AbstractContextManager[list[str]]:
-        """Faults as sentences that name an option as it was typed; see :func:`compare.faults.complaints`."""
+    @contextmanager
+    def complaints(self) -> Iterator[list[str]]:
+        """Faults as sentences that name an option as it was typed; see :func:`compare.faults.complaints`.  JUnit files
+        that it was told where to write have them too.
+        """
         names = {field.name: name for q in self.questions for field, name, _ in _typed(q)}
-        return complaints(self.context, names)
+        try:
+            with complaints(self.context, names) as caught:
+                yield caught
+        except Stopped as stopped:
+            if stopped.exit_code != Exit.INTERRUPTED and (self.has("out") or self.has("junit")):
+                for path in self.tests:
+                    with suppress(OutputError), made_folder(path.parent):
+                        kind = Exit(stopped.exit_code).name.lower().replace("_", " ")
+                        write_atomically(path, no_answer(self.context.command_path, stopped.why, kind))
+            raise
 
     def has(self, name: str) -> bool:
         """Whether an option was typed."""
@@ -101,7 +115,9 @@ class CommandLine:
     def folder(self, stem: str, file: str, *beside: str) -> Path:
         """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`."""
         where = self.asked(Where)
-        return result_folder(self.context, stem, file, where.out, where.overwrite, beside)
+        folder = result_folder(self.context, stem, file, where.out, where.overwrite, beside)
+        self.tests.extend(folder / name for name in beside if name == "junit.xml")
+        return folder
 
     def answer(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
         """Ask, write what comes of it into a folder, and print it."""
@@ -138,7 +154,8 @@ class CommandLine:
     def show(self, document: "Document", place: Path | None = None) -> None:
         """Print a document, whose files are in a folder."""
         shown = self.asked(Shown)
-        show(document, json=shown.json, quiet=shown.quiet, place=place, file=source(self.words))
+        tests = next(iter(self.tests), None)
+        show(document, json=shown.json, quiet=shown.quiet, place=place, tests=tests, file=source(self.words))
 
     def judge(self, ask: Callable[[], "CrossCheck"], caught: Sequence[str], folder: Path) -> None:
         """Answer by a cross-check, and leave with its verdict as the status.  Raises typer's Exit."""

@@ -27,8 +27,8 @@ def lines(entry: Entry) -> list[str]:
     else:
         words = f"rewritten: {entry.words}" if entry.why == "rewritten" else entry.why
         head = f"{entry.file}: {words or 'unchanged'}"
-    look = [f"  to look at it: {entry.look}"] * (entry.status == "moved" and bool(entry.look))
-    return [head, *(f"  {each.sentence}" for each in entry.moved), *look]
+    remedies = (("to look at it", entry.look), ("to accept it", entry.accept))
+    return [head, *(f"  {each}" for each in entry.sentences), *(f"  {do}: {by}" for do, by in remedies if by)]
 
 
 def print_table(result: Baselines, console: Console) -> None:
@@ -53,6 +53,9 @@ def _cases(entry: Entry) -> Iterator[JUnitCase]:
     if entry.status in ("unusable", "failed"):
         yield JUnitCase(place, "baseline", error=entry.why, kind=entry.status, file=entry.file)
         return
+    if entry.status == "moved" and not entry.moved:
+        yield JUnitCase(place, "runs", failure=entry.why, kind="moved", look=entry.look)
+        return
     moved = {(each.run, each.signal): each for each in entry.moved}
     for run, signals in entry.compared.items():
         for signal in signals:
@@ -62,7 +65,7 @@ def _cases(entry: Entry) -> Iterator[JUnitCase]:
                 yield JUnitCase(of_run, signal, said="" if one is None else one.sentence)
                 continue
             times = abs(one.by or 0.0) / one.tolerance if one.tolerance else 0.0
-            yield JUnitCase(of_run, signal, "", one.sentence, "", "moved", entry.look, times, entry.file)
+            yield JUnitCase(of_run, signal, "", one.sentence, "", "moved", entry.look, times)
 
 
 def summary_html(result: Baselines) -> str:
@@ -70,7 +73,7 @@ def summary_html(result: Baselines) -> str:
     rows = []
     for entry in result.entries:
         said = entry.why if entry.status in ("unusable", "failed") else entry.words
-        moved = "; ".join(each.sentence for each in entry.moved)
+        moved = "; ".join(entry.sentences)
         rows.append((entry.case, entry.simulator, entry.status, said, moved))
     return html_table(rows, ("case", "engine", "status", "compared", "moved"), repr(result))
 

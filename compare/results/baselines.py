@@ -62,7 +62,11 @@ class Entry(Part):
     ] = {}
     moved: tuple[Moved, ...] = ()
     look: Annotated[str, Field(description="A command that shows every number that moved, where one did.")] = ""
-    why: Annotated[str, Field(description="Why it is unusable or failed, or why a file was written.")] = ""
+    accept: Annotated[str, Field(description="A command that makes what is found now the baseline.")] = ""
+    why: Annotated[
+        str,
+        Field(description="Why it is unusable or failed, what its runs are now made with, or why a file was written."),
+    ] = ""
 
     @model_validator(mode="after")
     def _reasoned(self) -> Entry:
@@ -72,8 +76,15 @@ class Entry(Part):
         return self
 
     @property
+    def sentences(self) -> tuple[str, ...]:
+        """What moved: each column, or that it is of other runs now."""
+        return tuple(each.sentence for each in self.moved) or (self.why,) * (self.status == "moved")
+
+    @property
     def words(self) -> str:
         """How many columns moved, or that none did."""
+        if self.status == "moved" and not self.moved:
+            return "made otherwise than before"
         if self.moved:
             return f"{len(self.moved)} of {count(self.signals, 'signal')} in {count(self.runs, 'run')} moved"
         return f"nothing moved ({count(self.numbers, 'number')} in {count(self.runs, 'run')})"
