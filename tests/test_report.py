@@ -30,6 +30,7 @@ from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import escape_markdown, script_json
 from compare.report.summary import summarise
 from compare.report.svg import draw, exponent, ticks
+from compare.report.tables import print_rows
 from compare.report.words.crosscheck import headline
 from compare.results.crosscheck import CrossCheck
 from compare.results.document import DocumentError
@@ -185,6 +186,19 @@ def test_the_terminal_table_is_ascii_fits_eighty_columns_and_says_the_verdict(di
         "DISAGREES"
     ]
     assert "paper: DISAGREES." in out.getvalue()
+
+
+@pytest.mark.parametrize(("terminal", "blocks"), [(True, 2), (False, 1)])
+def test_no_number_is_cut_in_a_narrow_terminal_and_what_is_none_has_room(terminal: bool, blocks: int) -> None:
+    out = io.StringIO()
+    console = Console(file=out, width=40, force_terminal=terminal, no_color=True, color_system=None)
+    row = ("crank_x", "mm", "-0.644 to +0.104", "125 deg", "77.26 % in 0.5")
+    print_rows(console, ("output", "unit", "95 %", "at", "good"), [row], left=("output", "unit"))
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 2 * blocks  # each with its heads, behind the name and the unit
+    assert all(line.startswith(("output", "crank_x  mm")) for line in lines)
+    assert max(map(len, lines)) <= 40 or not terminal
+    assert all(cell in out.getvalue() for cell in row)
 
 
 def test_both_analytic_models_differences_are_reported(disagreeing: dict[str, Any], report: Path) -> None:

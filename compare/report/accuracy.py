@@ -11,7 +11,7 @@ from compare.presentation import Presentation
 from compare.quantities import shown
 from compare.report.accuracy_page import LEAST_SHOWN, files, output_rows, summary_html
 from compare.report.curves import MOST, legend, partly
-from compare.report.tables import say, terminal_table
+from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_outputs
 from compare.report.words.accuracy import notes
 from compare.results.accuracy import Accuracy
@@ -51,7 +51,7 @@ def print_table(result: Accuracy, console: Console) -> None:
     """Print each output's largest numbers over the crank angles in millimetres and degrees, then what to beware of;
     ASCII.
     """
-    console.print(terminal_table(OUTPUTS, output_rows(result), left=("output", "unit", "sensitive to")))
+    print_rows(console, OUTPUTS, output_rows(result), left=("output", "unit", "sensitive to"))
     if result.tolerances is not None:
         print_outputs(result.tolerances, console)
     say(console, *notes(result))

@@ -9,22 +9,22 @@ from compare.quantities import plain
 from compare.report.analysis_page import files
 from compare.report.peaks import GOOD, error_peaks, over, poor, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
-from compare.report.tables import say, terminal_table
+from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
 from compare.results.analysis import Analysis
 
-ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "by joint, first order", "worst case", "at")
+ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "worst case", "at", "by joint, first order")
 
 
 def print_table(result: Analysis, console: Console) -> None:
     """Print the peaks with their places, the error of each output by clearance, and what to beware of; ASCII."""
     print_peaks(result, console)
     rows = [
-        (e.name, e.unit, plain(e.equilibrium, 3, True), e.at, e.by_joint, plain(e.worst), e.worst_at)
+        (e.name, e.unit, plain(e.equilibrium, 3, True), e.at, plain(e.worst), e.worst_at, e.by_joint)
         for e in error_peaks(result)
     ]
     if rows:
-        console.print(terminal_table(ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order")))
+        print_rows(console, ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order"))
     if result.tolerances is not None:
         print_signals(result.tolerances, over(result), console)
     for joint, stroke in strokes(result):

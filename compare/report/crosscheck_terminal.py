@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.quantities import plain
 from compare.report.summary import ShownRun, Summary, summarise
-from compare.report.tables import terminal_table
+from compare.report.tables import print_rows
 from compare.report.trust import checked
 from compare.report.words.contact import ASCII_UNITS, ContactShown, Value
 from compare.report.words.crosscheck import METRICS_BRIEFLY, NUMERICAL_MEANS, VERDICT_WORDS, headline, why
@@ -44,13 +42,10 @@ def print_table(result: CrossCheck, console: Console) -> None:
     """Print each signal's worst difference, run by run, in degrees and millimetres, and the verdict; ASCII."""
     summary = summarise(result)
     keys = summary.keys()
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     verified = ("2 u_num", "order") if summary.verified else ()
-    for heading in ("signal", "worst", "unit", "at", "rms", "tolerance", *verified, "verdict"):
-        side: Literal["left", "right"] = "left" if heading in ("signal", "unit", "verdict") else "right"
-        table.add_column(heading, justify=side, no_wrap=heading != "signal", overflow="fold")
+    rows: list[tuple[str | Text, ...]] = []
     for shown in summary.runs:
-        table.add_row(Text(shown.run.title, style="bold"), *[""] * (5 + len(verified)), _word(shown.run.verdict))
+        rows.append((Text(shown.run.title, style="bold"), *[""] * (5 + len(verified)), _word(shown.run.verdict)))
         for row in (row for quantity in keys if (row := shown.row(quantity.signal))):
             numbers = (
                 plain(row.maximum, 3, True),
@@ -60,9 +55,10 @@ def print_table(result: CrossCheck, console: Console) -> None:
                 plain(row.tolerance),
                 *((plain(row.own), plain(row.order, 2)) if verified else ()),
             )
-            table.add_row(Text(f"  {row.quantity.label}"), *numbers, _word(row.verdict))
+            rows.append((Text(f"  {row.quantity.label}"), *numbers, _word(row.verdict)))
     if summary.runs:
-        console.print(table)
+        heads = ("signal", "worst", "unit", "at", "rms", "tolerance", *verified, "verdict")
+        print_rows(console, heads, rows, left=("signal", "unit", "verdict"), folded=("signal",))
     for line in _notes(summary.runs):
         console.print(line, soft_wrap=False)
     _print_metrics(summary, console)
@@ -82,7 +78,7 @@ def _print_metrics(summary: Summary, console: Console) -> None:
     cells = ([Text(getattr(row, name).translate(ASCII_UNITS)) for name in METRICS_COLUMNS] for row in rows)
     first, unit = (METRICS_COLUMNS[name] for name in ("title", "unit"))
     if rows:
-        console.print(terminal_table([*METRICS_COLUMNS.values()], cells, left=(first, unit), folded=(first,)))
+        print_rows(console, [*METRICS_COLUMNS.values()], cells, left=(first, unit), folded=(first,))
         console.print(f"metrics: {METRICS_BRIEFLY}")
 
 
@@ -93,15 +89,12 @@ def _print_contact(contact: ContactShown, console: Console) -> None:
     striking = {run.run for run in contact.runs if run.contact.struck}
     for table in contact.tables:
         rows = [k for k, run in enumerate(table.runs) if run in striking]
-        shown = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-        shown.add_column(f"contact in {table.joint}")
         columns = [(head, *table.of(name)) for name, head in MAIN.items()]
-        for head, measure, _ in columns:
-            shown.add_column(f"{head} {measure.unit}".strip().translate(ASCII_UNITS), justify="right", no_wrap=True)
-        for k in rows:
-            shown.add_row(Text(table.runs[k]), *(_within(values[k]) for *_, values in columns))
+        first, units = f"contact in {table.joint}", [f"{head} {measure.unit}".strip() for head, measure, _ in columns]
+        heads = (first, *(unit.translate(ASCII_UNITS) for unit in units))
+        shown = [(table.runs[k], *(_within(values[k]) for *_, values in columns)) for k in rows]
         if rows:
-            console.print(shown)
+            print_rows(console, heads, shown, left=(first,), folded=(first,))
     for pair in contact.pairs:
         console.print(f"statistics of {pair.title}: {pair.sentence}")
         for row in pair.wrong:

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
-from compare.report.tables import html_list, html_table, say, terminal_table
+from compare.report.tables import html_list, html_table, print_rows, say
 from compare.results.applied import Applied
 from compare.results.catalogue import Cases, Effects, Fields, Listing, Simulators
 from compare.results.export import Exported
@@ -67,7 +67,7 @@ def print_fields(result: Fields, console: Console) -> None:
             if f.table == table
         ]
         heads = ("  field", "left out", "meaning")
-        console.print(terminal_table(heads, rows, folded=("meaning",), header_style=""))
+        print_rows(console, heads, rows, folded=("meaning",), header_style="")
     say(console, 'bare numbers are SI; in quotes with their unit: "60 rpm", "25 mm", "30 deg"')
 
 
@@ -83,7 +83,7 @@ def print_simulators(result: Simulators, console: Console) -> None:
         rows.append((engine.name, version or "", *(motions.get(model, "-") for model in JOINT_MODELS), effects))
     heads = ("simulator", "version", *JOINT_MODELS, "effects")
     console.width = max(console.width, TABLE_WIDTH)
-    console.print(terminal_table(heads, rows, folded=heads, header_style=""))
+    print_rows(console, heads, rows, folded=heads, header_style="")
     faults = [f"{e.name} is installed but cannot be imported: {e.fault}" for e in result.simulators if e.fault]
     say(console, *faults, f"effects: {', '.join(known)}; see compare effects")
     for line in (
@@ -106,7 +106,7 @@ def print_runs(result: Runs, console: Console) -> None:
     ]
     if rows:
         heads = ("date (UTC)", "verdict", "case", "made by")
-        console.print(terminal_table(heads, rows, folded=heads[1:]))
+        print_rows(console, heads, rows, folded=heads[1:])
     say(console, *result.unreadable, f"{result.folder}: {count(len(result.runs), 'result')}")
 
 

@@ -172,8 +172,10 @@ class ErrorPeak:
 
     @property
     def by_joint(self) -> str:
-        """The joints with the largest parts, and these."""
-        return ", ".join(f"{joint} {plain(part, 3, True)}" for joint, part in self.parts[:SHOWN_PARTS]) or "-"
+        """The joints with the largest parts, and these; how many more there are."""
+        more = len(self.parts) - SHOWN_PARTS
+        parts = [f"{joint} {plain(part, 3, True)}" for joint, part in self.parts[:SHOWN_PARTS]]
+        return ", ".join([*parts, *([f"{more} more"] if more > 0 else [])]) or "-"
 
 
 def error_peaks(result: Erring) -> Iterator[ErrorPeak]:

@@ -17,7 +17,7 @@ from compare.report.curves import legend
 from compare.report.figure import Axis, Figure, Series
 from compare.report.pages import PageSection, page
 from compare.report.svg import draw
-from compare.report.tables import html_table, say, terminal_table
+from compare.report.tables import html_table, print_rows, say
 from compare.report.words import plan as words
 from compare.results.plan import Plan
 
@@ -84,10 +84,10 @@ def _runs(result: Plan) -> list[tuple[str, ...]]:
 
 def print_table(result: Plan, console: Console) -> None:
     """Print the runs, the sensors, what each adds, and what stays open."""
-    console.print(terminal_table(RUN_HEADS, _runs(result), folded=RUN_HEADS))
+    print_rows(console, RUN_HEADS, _runs(result), folded=RUN_HEADS)
     rows = [words.sensor_row(result, sensor) for sensor in result.sensors]
-    console.print(terminal_table(SENSOR_HEADS, rows, folded=SENSOR_HEADS))
-    console.print(terminal_table(STEP_HEADS, [words.step_row(result, step) for step in result.steps]))
+    print_rows(console, SENSOR_HEADS, rows, folded=SENSOR_HEADS)
+    print_rows(console, STEP_HEADS, [words.step_row(result, step) for step in result.steps])
     say(
         console,
         words.headline(result),

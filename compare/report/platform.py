@@ -14,7 +14,7 @@ from compare.report.curves import legend
 from compare.report.figure import Numbers, scaled
 from compare.report.linkage import parts
 from compare.report.pages import PageSection, Script, page
-from compare.report.tables import html_table, say, terminal_table
+from compare.report.tables import html_table, print_rows, say
 from compare.report.words.accuracy import FIELDS, NOTES, facts
 from compare.results.platform import PlatformAccuracy, PoseError
 
@@ -118,7 +118,7 @@ def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
 
 def print_table(result: PlatformAccuracy, console: Console) -> None:
     """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
-    console.print(terminal_table(ERRORS, _rows(result), left=("output", "unit")))
+    print_rows(console, ERRORS, _rows(result), left=("output", "unit"))
     conditions = [f"{what} {value}" for what, value in facts(result).items()]
     say(console, "largest over the poses, to either side; " + "; ".join(conditions))
     for first, why in list(result.flags.items())[:1]:

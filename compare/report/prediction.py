@@ -13,7 +13,7 @@ from compare.quantities import DASH, fitting, plainly
 from compare.report.curves import MOST, partly
 from compare.report.diagnosis_terminal import in_ascii
 from compare.report.peaks import NOTHING
-from compare.report.tables import html_list, html_table, say, terminal_table
+from compare.report.tables import html_list, html_table, print_rows, say
 from compare.report.words.prediction import headline, mostly
 from compare.results.prediction import Prediction
 
@@ -45,7 +45,7 @@ def table(result: Prediction) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
 def print_table(result: Prediction, console: Console) -> None:
     """Print each signal with its band, and what to make of it."""
     heads, rows = table(result)
-    console.print(terminal_table(heads, [tuple(map(in_ascii, row)) for row in rows], left=HEADS[:2]))
+    print_rows(console, heads, [tuple(map(in_ascii, row)) for row in rows], left=HEADS[:2])
     say(console, *map(in_ascii, remarks(result)))
 
 

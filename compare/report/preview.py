@@ -16,7 +16,7 @@ from compare.report.curves import MOST, legend, partly
 from compare.report.figure import Axis, Figure, Series, scaled
 from compare.report.pages import PageSection, glimpse, page
 from compare.report.svg import draw
-from compare.report.tables import say, terminal_table
+from compare.report.tables import print_rows, say
 from compare.report.words.preview import DRIVES, called, encoders, facts, reach, spoken, tally, visible
 from compare.results.preview import Preview, RunPreview, SensorPreview
 
@@ -62,7 +62,7 @@ def _of_sensors(result: Preview) -> list[PageSection]:
 
 def print_table(result: Preview, console: Console) -> None:
     """Print each sensor with its noise and how far it is from the nominal model, the faults, and what would show."""
-    console.print(terminal_table(SENSOR_HEADS, _sensors(result), folded=SENSOR_HEADS))
+    print_rows(console, SENSOR_HEADS, _sensors(result), folded=SENSOR_HEADS)
     faults = [f"data: run {f.run}, {spoken(result, f.signal)}: {f.text}" for f in result.faults]
     say(console, *faults, *(facts(result, run) for run in result.runs), tally(result))
 

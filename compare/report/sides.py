@@ -13,7 +13,7 @@ from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, quantities
 from compare.report.curves import MOST, legend, with_peak
 from compare.report.peaks import over, peak, peaks, unanswered
-from compare.report.tables import html_list, html_table, say, terminal_table
+from compare.report.tables import html_list, html_table, print_rows, say
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def print_peaks(result: OneSide, console: Console) -> None:
     """Print the peaks with their places, in degrees and millimetres; ASCII."""
     rows = [[cell.replace("·", ".") for cell in each.row(over(result).unit)] for each in peaks(result)]
     if rows:
-        console.print(terminal_table(PEAK_HEADS, rows, left=("signal", "unit")))
+        print_rows(console, PEAK_HEADS, rows, left=("signal", "unit"))
 
 
 def print_table(result: OneSide, console: Console) -> None:

@@ -20,7 +20,7 @@ from compare.report.figure import Axis, Series, scaled
 from compare.report.figure import Figure as Drawing
 from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
 from compare.report.svg import HEIGHT, WIDTH, draw, picture
-from compare.report.tables import html_table, say, terminal_table
+from compare.report.tables import html_table, print_rows, say
 from compare.results.sweep import FieldValue, Sweep, SweptPoint
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def _page(result: Sweep) -> str:
 def print_table(result: Sweep, console: Console) -> None:
     """Print a row for each point, in degrees and millimetres, what is missing, and where the rest of it is; ASCII."""
     heads, rows = table(result)
-    console.print(terminal_table(heads, rows, left=("verdict", "where", "missing"), folded=heads[len(result.fields) :]))
+    print_rows(console, heads, rows, left=("verdict", "where", "missing"), folded=heads[len(result.fields) :])
     hidden = len(result.columns) - len(main_columns(result))
     if hidden:
         say(console, f"{count(hidden, 'more column')} in sweep.csv")

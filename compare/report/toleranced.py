@@ -11,7 +11,7 @@ from rich.console import Console
 
 from compare.quantities import plain, shown
 from compare.report.summary import Abscissa
-from compare.report.tables import say, terminal_table
+from compare.report.tables import print_rows, say
 from compare.results.toleranced import AccuracyByTolerance, ByTolerance, SignalsByTolerance, Varied
 
 MOST_NAMED = 2  # sources of a number, the largest first
@@ -25,7 +25,7 @@ SIGNALS = ("by tolerances", "unit", "sd", "at", "of its variance")
 def print_outputs(by: AccuracyByTolerance, console: Console) -> None:
     """Print each output's variation where it is largest, and the share of linkages within limits; ASCII."""
     rows = [[name, unit, sd, at, ends, _first(parts), good] for name, unit, sd, at, ends, parts, good in outputs(by)]
-    console.print(terminal_table(OUTPUTS, rows, left=(OUTPUTS[0], "unit", "of its variance")))
+    print_rows(console, OUTPUTS, rows, left=(OUTPUTS[0], "unit", "of its variance"))
     say(console, "by tolerances: against the ideal linkage as drawn, pins along their reactions; sd to first order")
     say(console, *yields(by))
 
@@ -38,7 +38,7 @@ def print_signals(by: SignalsByTolerance, x: Abscissa, console: Console) -> None
     ]
     if rows:
         heads = SIGNALS + ("95 % of linkages",) * bool(by.samples)
-        console.print(terminal_table(heads, rows, left=(SIGNALS[0], "unit", "of its variance")))
+        print_rows(console, heads, rows, left=(SIGNALS[0], "unit", "of its variance"))
     say(console, *yields(by))
 
 

@@ -7,7 +7,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from compare.quantities import assumptions
-from compare.report.tables import say, terminal_table
+from compare.report.tables import print_rows, say
 from compare.report.words.validity import (
     Cells,
     about,
@@ -38,7 +38,7 @@ def print_table(result: Validity, console: Console) -> None:
             console.print(f"{simulator}{layer}{what}", highlight=False, soft_wrap=True)
         head = "mm \\ rpm" if layer or what else f"{simulator}: mm \\ rpm"
         rows = [[millimetres(c), *(text(cells[w, c]) for w in result.speeds)] for c in result.clearances]
-        console.print(terminal_table([head, *map(rpm, result.speeds)], rows))
+        print_rows(console, [head, *map(rpm, result.speeds)], rows)
 
     for panel in result.panels():
         show(panel, "", brief)
@@ -51,7 +51,7 @@ def print_table(result: Validity, console: Console) -> None:
     head, *rows = edge_rows(result)
     if rows:
         console.print("clearance (mm) at which contact is first lost")
-        console.print(terminal_table(head, rows))
+        print_rows(console, head, rows)
     say(console, *legend(result), about(result), *result.words)
 
 
