@@ -63,7 +63,7 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
             seed=seed,
             nonlinear=nonlinear,
         )
-        if states_tolerances(m) or question.limits is not None:
+        if states_tolerances(m) or (question.limits, question.min_yield) != (None, None):
             varied, told = varying(m, question.clearance is not None)
             warned += told
             result = result.model_copy(update={"tolerances": _by_tolerances(assembly, result, varied, question)})
@@ -83,6 +83,8 @@ def _by_tolerances(
     """What tolerances do to a result's outputs; None where nothing varies.  Raises ArgumentError, AssemblyError."""
     m, outputs = assembly.mechanism, named_outputs(question.outputs, assembly.mechanism)
     limits = {} if question.limits is None else limited(question.limits, outputs)
+    if question.min_yield is not None and not limits:
+        raise ArgumentError("min_yield", "is of linkages within limits; give them by `limits`, or leave it out")
     if limits and not varied:
         raise ArgumentError(
             "limits",
@@ -92,7 +94,7 @@ def _by_tolerances(
         return None
     inertia = result.motion == "driven"
     cycle = accuracy_of(assembly, result.crank_angle, outputs, m.clearances, m.speed or 1.0, inertia)
-    return of_outputs(cycle, varied, result.samples, result.seed, limits)
+    return of_outputs(cycle, varied, result.samples, result.seed, limits, question.min_yield)
 
 
 def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:

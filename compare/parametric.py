@@ -102,6 +102,8 @@ def swept(question: SweepQuestion) -> Sweep:
         raise ArgumentError("fields", f"that is {count(size, 'point')}; give at most {MOST_POINTS}")
     at = [dict(zip(question.fields, place, strict=True)) for place in product(*(range(len(f.values)) for f in fields))]
     plain = {name: _plain(value) for name, value in options.items()}
+    if isinstance(asked, AccuracyQuestion) and asked.min_yield is not None:
+        plain["min_yield"] = asked.min_yield
     runs = [
         {
             "asks": question.asks,
@@ -291,6 +293,10 @@ def _accurate(at: Mapping[str, int], result: Accuracy | PlatformAccuracy) -> Ans
     """The error of each output in equilibrium, and in the worst case."""
     columns: dict[str, SweptColumn] = {}
     numbers: dict[str, float | None] = {}
+    by = result.tolerances if isinstance(result, Accuracy) else None
+    if by is not None and by.within is not None:
+        columns["yield"] = SweptColumn(group="yield", label="linkages within the limits", unit="1")
+        numbers["yield"] = by.within
     groups: Mapping[Group, str] = {"error": "error of", "worst_case": "worst case of"}
     for group, words in groups.items():
         for name, output in result.outputs.items():

@@ -66,18 +66,26 @@ def limited(given: object, outputs: list[Output]) -> dict[Output, float]:
         unit = known[name].unit
         try:
             value = quantity(size, unit) if isinstance(size, str) else size
-            value = float(size) if value is None else value
+            bare = value is None
+            value = float(size) if bare else value
         except (UnitError, ValueError) as error:
             why = str(error) if isinstance(error, UnitError) else f"no number; give {unit}, or a number with its unit"
             raise ArgumentError("limits", f"{name} = {quoted(size)} has {why}") from None
         if not isinstance(value, Real) or isinstance(value, bool) or not 0 < float(value) < math.inf:
             raise ArgumentError("limits", f"{name} = {quoted(size)}; give {unit}, above 0")
+        if bare and unit == "rad":
+            raise ArgumentError("limits", f"{name} = {size} has no unit; write {size}deg, or {size}rad if meant")
         limits[known[name]] = float(value)
     return limits
 
 
 def of_outputs(
-    cycle: AccuracyAnalysis, every: tuple[Source, ...], samples: int, seed: int, limits: Mapping[Output, float]
+    cycle: AccuracyAnalysis,
+    every: tuple[Source, ...],
+    samples: int,
+    seed: int,
+    limits: Mapping[Output, float],
+    min_yield: float | None,
 ) -> AccuracyByTolerance:
     """What tolerances do to a linkage's outputs.  Raises AssemblyError."""
     result = toleranced_errors(cycle, every, samples, seed, limits)
@@ -99,6 +107,7 @@ def of_outputs(
             for d, errors in result.outputs.items()
         },
         within=result.within_all,
+        min_yield=min_yield,
     )
 
 

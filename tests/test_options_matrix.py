@@ -174,6 +174,7 @@ OPTIONS_MATTER: list[Row] = [
     ("analyse", "seed", {**TOLERANCED, "samples": 5}, {"seed": 4}),
     ("analyse", "seed", TOLERANCED, {"seed": 4}),
     ("accuracy", "limits", {**TOLERANCED, "samples": 9}, {"limits": {"follower_angle": 0.01}}),
+    ("accuracy", "min_yield", {**TOLERANCED, "samples": 9, "limits": {"follower_angle": 0.01}}, {"min_yield": 0.5}),
     ("accuracy", "motion", {**PAPER, "samples": 9}, {"motion": "driven"}),
     ("accuracy", "angles", {**PAPER, "samples": 9}, {"angles": [0.7]}),
     ("accuracy", "samples", {**PAPER, "samples": 9}, {"samples": 12}),

@@ -660,9 +660,29 @@ def test_the_command_says_how_many_linkages_are_good(tmp_path: Path) -> None:
         assert again.tolerances.within == found["within"]
 
 
+@pytest.mark.parametrize(("least", "status"), [("70%", 0), ("0.99", 1)])
+def test_a_yield_below_the_least_is_status_1_also_in_a_sweep(least: str, status: int, tmp_path: Path) -> None:
+    (tmp_path / "slide.toml").write_text(f"{SLIDER_CRANK}\n[tolerances]\n{STACK}", encoding="utf-8")
+    asked = ("accuracy", "--case", "slide.toml", "--output", "slider", "--angles", "0:0:1", "--out", "out")
+    done = compare(*asked, "--limit", "slider_x=0.08mm", "--min-yield", least, cwd=tmp_path)
+    assert done.returncode == status, done.stderr
+    assert f"{'no less than the 70' if status == 0 else 'LESS than the 99'} % asked for" in done.stdout
+    varied = ("--limit", "slider_x=0.08mm", "--min-yield", least, "--set", "body.slider.mass=1,2", "--overwrite")
+    swept = compare(*asked, *varied, cwd=tmp_path)
+    assert swept.returncode == status, swept.stderr
+    assert "linkages within the limits (%)" in " ".join(swept.stdout.split())
+    assert ("2 with too low a yield" in swept.stdout) == (status == 1)
+
+
+def test_a_least_yield_of_no_limit_is_refused(tmp_path: Path) -> None:
+    done = compare("accuracy", "--case", "crank-rocker", "--min-yield", "99%", cwd=tmp_path)
+    assert (done.returncode, "give them by --limit" in done.stderr) == (2, True)
+
+
 @pytest.mark.parametrize(
     ("limit", "why"),
     [
+        ("follower_angle=0.5", "follower_angle = 0.5 has no unit; write 0.5deg, or 0.5rad if meant"),
         ("follower_angle=0.1mm", "follower_angle = '0.1mm' has unit 'mm', which is of another dimension"),
         ("follower_angle", "give OUTPUT=VALUE"),
         ("rocker_angle=1deg", "rocker_angle is no output that is looked at; they are follower_angle"),

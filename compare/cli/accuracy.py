@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import typer
+
 from compare.cli.sweep import answer, is_swept
 from compare.cli.typed import CommandLine, Plotted, Shown, Where, command, option_names
-from compare.faults import OptionError
+from compare.faults import Exit, OptionError
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 from compare.questions.sweep import SweepQuestion
 
@@ -19,7 +21,8 @@ def accuracy(line: CommandLine) -> None:
     With several drives: the errors of a platform along a motion, or over its workspace.  With --set fields of the
     mechanism are varied, and a table says what each comes to.
 
-    Exit status: 0 computed, 1 with --set some points have no whole answer, 2 bad input.
+    Exit status: 0 computed, 1 fewer linkages than --min-yield are within the limits, or with --set some points have no
+    whole answer, 2 bad input.
     """
     with line.complaints() as caught:
         from analytic.kinematics.assembly import Assembly
@@ -32,8 +35,8 @@ def accuracy(line: CommandLine) -> None:
         if not any(map(line.has, OF_SEVERAL)) and Assembly(linkage(line.case, large=True)).structure.by_crank:
             if folder is None:
                 answer(line, "accuracy", AccuracyQuestion, caught)
-            line.drawn(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
-            return
+            by = line.drawn(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder).tolerances
+            raise typer.Exit(Exit.AGREES if by is None or by.good else Exit.DISAGREES)
         for name in filter(line.has, OF_A_CRANK):
             option = f"--{name.replace('_', '-')}"
             raise OptionError(f"{option} is of linkages that one crank moves, over its angle; leave it out")

@@ -10,6 +10,7 @@ from compare.questions.option import (
     ByOutput,
     Choice,
     Option,
+    Part,
     Places,
     RepeatedNames,
     StepByJoint,
@@ -66,6 +67,10 @@ class AccuracyQuestion(Question):
             ByOutput("OUTPUT=VALUE"),
             name="limit",
         ),
+    ] = None
+    min_yield: Annotated[
+        float | None,
+        Option("Least share of the linkages that must be within the limits, such as 99%.", Part("PERCENT")),
     ] = None
     motion: Annotated[
         "Motion | None",

@@ -202,6 +202,29 @@ class AboveZero(RealNumber):
         raise unusable(called, given, self.accepted)
 
 
+class Part(ArgumentKind[str]):
+    """A part of a whole, ``99%`` or 0.99."""
+
+    accepted: ClassVar[str] = "more than 0% and no more than 100%, such as 99%, or 0.99"
+
+    def parse(self, word: str, called: str) -> float:
+        """The part as a number up to 1."""
+        number, percent, _ = word.partition("%")
+        try:
+            return float(number) / (100 if percent else 1)
+        except ValueError:
+            raise unusable(called, word, self.accepted) from None
+
+    def check(self, given: object, called: str) -> float | None:
+        """More than nothing and no more than all; None stays."""
+        if given is None:
+            return None
+        value = self.parse(given, called) if isinstance(given, str) else given
+        if isinstance(value, Real) and not isinstance(value, bool) and 0 < float(value) <= 1:
+            return float(value)
+        raise unusable(called, given, self.accepted)
+
+
 class Seconds(ArgumentKind[str]):
     """A stretch of time, in seconds or with its unit."""
 

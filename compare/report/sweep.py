@@ -31,6 +31,7 @@ TITLES = {
     "drive": "largest of the drive",
     "error": "largest error by clearance",
     "worst_case": "worst case of clearance",
+    "yield": "linkages within the limits",
     "share": "largest difference over its tolerance",
 }
 WIDEST = 8  # numbers of a row on a terminal; the others are in the file
@@ -111,10 +112,10 @@ def main_columns(result: Sweep) -> list[str]:
 
 
 def kinds(result: Sweep) -> dict[tuple[str, str], list[str]]:
-    """The columns that are not zero throughout, by what they are and their unit, the largest first."""
+    """The columns that are not zero throughout, and a yield, by what they are and their unit, the largest first."""
     by_kind: dict[tuple[str, str], list[str]] = {}
     for name, column in result.columns.items():
-        if size(result, name) > 0:
+        if size(result, name) > 0 or column.group == "yield":
             by_kind.setdefault((column.group, column.unit), []).append(name)
     return {kind: sorted(names, key=lambda name: -size(result, name)) for kind, names in by_kind.items()}
 

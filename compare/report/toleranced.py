@@ -92,7 +92,10 @@ def yields(by: AccuracyByTolerance | SignalsByTolerance) -> Iterator[str]:
     if by.assembled < 1:
         yield f"{100 * (1 - by.assembled):.3g} % of the linkages do not assemble at every crank angle: not good"
     if by.within is not None:
-        yield f"{100 * by.within:.4g} % of the linkages are within the limits at every crank angle"
+        more = ""
+        if by.min_yield is not None:
+            more = f", {'no less' if by.good else 'LESS'} than the {100 * by.min_yield:.4g} % asked for"
+        yield f"{100 * by.within:.4g} % of the linkages are within the limits at every crank angle{more}"
 
 
 def shares(by_source: Mapping[str, np.ndarray], k: int) -> Shares:

@@ -13,7 +13,7 @@ from compare.results.document import Document, Mechanism, Number, Part, Row, Tex
 
 Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
 FieldValue = float | str
-Group = Literal["reaction", "drive", "error", "worst_case", "share"]
+Group = Literal["reaction", "drive", "error", "worst_case", "yield", "share"]
 
 
 class SweptField(Part):
@@ -92,8 +92,15 @@ class Sweep(Document):
 
     @property
     def holds(self) -> bool:
-        """Whether every point has its whole answer, and agrees where it is a cross-check."""
-        return all(point.whole and point.verdict in (None, "agrees") for point in self.points)
+        """Whether every point has its whole answer, and agrees where it is a cross-check; and the yield asked for."""
+        return all(point.whole and point.verdict in (None, "agrees") for point in self.points) and not self.poor
+
+    @property
+    def poor(self) -> int:
+        """How many points have less than the yield that was asked for."""
+        least = self.options.get("min_yield")
+        yields = (point.numbers.get("yield") or 0.0 for point in self.points)
+        return sum(each < least for each in yields) if isinstance(least, float) else 0
 
     def rows(self) -> list[Row]:
         """A row for each point: the fields' values, its numbers, its verdict, and what is missing."""
@@ -119,6 +126,5 @@ class Sweep(Document):
         missing = sum(not point.whole for point in self.points)
         left = f", {missing} not whole" if missing else ""
         wrong = sum(point.verdict == "disagrees" for point in self.points)
-        return f"Sweep({self.case}, {self.asks}: {over} = {count(len(self.points), 'point')}{left}" + (
-            f", {wrong} disagree)" if wrong else ")"
-        )
+        left += f", {wrong} disagree" * bool(wrong) + f", {self.poor} with too low a yield" * bool(self.poor)
+        return f"Sweep({self.case}, {self.asks}: {over} = {count(len(self.points), 'point')}{left})"

@@ -68,6 +68,12 @@ class AccuracyByTolerance(Part):
     assembled: Annotated[Share, Field(description="Share of the samples that assemble at every crank angle.")]
     outputs: Mapping[str, OutputByTolerance]
     within: Annotated[Share | None, Field(description="Share of the samples within all limits.")] = None
+    min_yield: Annotated[Share | None, Field(description="Least such share that was asked for.")] = None
+
+    @property
+    def good(self) -> bool:
+        """Whether as many linkages are within the limits as was asked for."""
+        return self.min_yield is None or (self.within or 0.0) >= self.min_yield
 
 
 class SignalsByTolerance(Part):
