@@ -110,6 +110,11 @@ def in_workflow() -> bool:
     return os.environ.get("GITHUB_ACTIONS") == "true"
 
 
+def in_ci() -> bool:
+    """Whether continuous integration runs this: nearly every one sets CI."""
+    return in_workflow() or os.environ.get("CI", "").lower() not in ("", "0", "false")
+
+
 def source(given: Mapping[str, object]) -> str:
     """The file that a command with these options is about, the data before the linkage; empty for a shipped case."""
     values = (given.get(name) for name in SOURCES)

@@ -162,6 +162,9 @@ def values_of(field: Dotted, given: object) -> SweptField:
         parts = [given]
     amounts = [_amount(field, part) for part in parts]
     units = {unit for value, unit in amounts if not isinstance(value, str)}
+    if isinstance(given, str) and len(units - {""}) == 1:  # one unit is that of all
+        amounts = [(value, unit or max(units)) for value, unit in amounts]
+        units = {max(units)}
     values = tuple(_si(field, value, unit) for value, unit in amounts)
     if not values or any(isinstance(value, float) and not math.isfinite(value) for value in values):
         raise ArgumentError("fields", f"{field.name}: {given!r} cannot be used; give finite numbers")
@@ -183,9 +186,9 @@ def _ranged(field: Dotted, text: str) -> Iterator[str]:
     parts = [_amount(field, part) for part in text.split(":")]
     if len(parts) != 3 or any(isinstance(value, str) for value, _ in parts):
         raise ArgumentError("fields", f"{field.name}: {text!r} is no range; give start:stop:step")
-    units = {unit for _, unit in parts}
+    units = {unit for _, unit in parts if unit} or {""}
     if len(units) > 1:
-        raise ArgumentError("fields", f"{field.name}: {text!r} has several units; give all three the same")
+        raise ArgumentError("fields", f"{field.name}: {text!r} has several units; give one to all three")
     start, stop, step = (float(value) for value, _ in parts)
     if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and stop >= start):
         raise ArgumentError(

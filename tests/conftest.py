@@ -24,7 +24,8 @@ from typing import NoReturn
 
 for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(threads, "1")  # before numpy is imported: the workers share the cores
-os.environ.pop("GITHUB_ACTIONS", None)  # a workflow that runs the tests is not one whose commands they are
+for each in ("GITHUB_ACTIONS", "CI"):  # a workflow that runs the tests is not one whose commands they are
+    os.environ.pop(each, None)
 
 import pytest
 

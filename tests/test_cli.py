@@ -72,7 +72,7 @@ def test_bad_input_gets_one_sentence_and_status_2(
     done = run(*with_simulator, "--out", "out", cwd=tmp_path)
     assert_refused(done, *words)
     assert done.stdout == ""
-    assert {path.name for path in (tmp_path / "out").glob("*")} <= {"junit.xml"}
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
 
 
 @pytest.mark.parametrize(

@@ -64,20 +64,20 @@ NAMES = {
     "compare --simulator mujoco --quiet": "paper-mujoco",
     "compare --simulator mujoco --motion driven": "paper-mujoco",
     "compare --simulator mujoco --motion static": "paper-mujoco-static",
-    "compare --clearance B=2e-4,E=1e-4 --simulator mujoco": "paper-mujoco-B=2e-4,E=1e-4",
+    "compare --clearance B=2e-4,E=1e-4 --simulator mujoco": "paper-mujoco-B_2e-4,E_1e-4",
     "compare --simulator mujoco --angles=-20:160:5 --joint contact --flexible": (
-        "paper-mujoco-contact-angles=-20_160_5-flexible"
+        "paper-mujoco-contact-angles_-20_160_5-flexible"
     ),
-    "compare --simulator mujoco --tolerance ../my/tol.toml": "paper-mujoco-tolerance=.._my_tol.toml",
+    "compare --simulator mujoco --tolerance ../my/tol.toml": "paper-mujoco-tolerance_.._my_tol.toml",
     "compare accuracy --samples 20000": "paper-accuracy",
     "compare accuracy --clearance D=1e-4 --seed 7 --output B --output coupler.angle": (
-        "paper-accuracy-D=1e-4-output=B,coupler.angle-seed=7"
+        "paper-accuracy-D_1e-4-output_B,coupler.angle-seed_7"
     ),
-    "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds=60,600-clearances=1e-4",
+    "compare validity --speeds 60,600 --clearances 1e-4 --workers 2": "paper-validity-speeds_60,600-clearances_1e-4",
     "compare diagnose a.toml": "paper-diagnosis",
-    "compare predict reports/a/diagnosis.json --speed 5": "paper-predict-speed=5",
+    "compare predict reports/a/diagnosis.json --speed 5": "paper-predict-speed_5",
     "compare diagnose a.toml --only gravity --only payload@coupler --simulator exudyn": (
-        "paper-diagnosis-exudyn-only=gravity,payload@coupler"
+        "paper-diagnosis-exudyn-only_gravity,payload@coupler"
     ),
 }
 
@@ -153,6 +153,13 @@ def test_the_same_command_replaces_its_own_report_and_another_only_when_it_is_to
     assert (
         len(json.loads((tmp_path / "here" / "result.json").read_text(encoding="utf-8"))["runs"][0]["crank_angle"]) == 3
     )
+
+
+def test_a_case_that_there_is_not_is_told_before_a_folder_that_is_another_s(compare: Any, tmp_path: Path) -> None:
+    (tmp_path / "reports" / "wiper-analysis").mkdir(parents=True)
+    (tmp_path / "reports" / "wiper-analysis" / "analysis.json").write_text("{}", encoding="utf-8")
+    status, said = compare("compare analyse --case wiper")
+    assert (status, "wiper: no such mechanism file or case" in said) == (2, True)
 
 
 @pytest.mark.mujoco

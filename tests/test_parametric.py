@@ -164,7 +164,8 @@ def test_values_are_ranges_with_their_stop_lists_and_words_with_units() -> None:
     assert ranged.written == tuple(30.0 * k for k in range(1, 11))
     assert ranged.head == "drive.speed (rpm)"
     np.testing.assert_allclose(np.array(ranged.values, float), RPM * np.arange(30, 301, 30), rtol=1e-14)
-    assert values_of(gap, "0:0.3mm:0.1mm".replace("0:", "0mm:")).written == (0.0, 0.1, 0.2, 0.3)
+    assert values_of(gap, "0:0.3:0.1mm").written == (0.0, 0.1, 0.2, 0.3)
+    assert values_of(gap, "0,0.1mm,0.2,0.3").written == (0.0, 0.1, 0.2, 0.3)
     mixed = values_of(gap, ["0.1 mm", 2e-4, "300 um"])
     assert (mixed.written_unit, mixed.written) == ("m", (pytest.approx(1e-4), 2e-4, pytest.approx(3e-4)))
     assert values_of(gap, np.array([1e-4, 2e-4])).values == (1e-4, 2e-4)
@@ -175,7 +176,7 @@ def test_values_are_ranges_with_their_stop_lists_and_words_with_units() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ("30 rpm:300:30 rpm", "several units; give all three the same"),
+        ("30 rpm:300 rad/s:30 rpm", "several units; give one to all three"),
         ("30 rpm:300 rpm", "is no range; give start:stop:step"),
         ("3:1:1", "goes nowhere"),
         ("0:1:0", "goes nowhere"),

@@ -194,6 +194,7 @@ def test_a_fit_needs_a_pin() -> None:
 MALFORMED = {
     '"body.crank.mas" = { sd = 0.001 }': "[body.crank.mas] is of no number of this mechanism; did you mean 'mass'",
     '"body.kurbel.mass" = { sd = 0.001 }': "there are crank, coupler, follower",
+    '"crank.mass" = { sd = 0.001 }': "[crank.mass] is of no number of this mechanism; did you mean 'body.crank.mass'?",
     "body.crank.mass = { sd = 0.001 }": "write each field whole and in quotes",
     '"body.crank.mass" = 0.001': "tolerances.body.crank.mass = 0.001: give a table with the fields sd, limits",
     '"body.crank.mass" = { sd = -0.001 }': "tolerances.body.crank.mass.sd = -0.001: input should be greater than 0",

@@ -579,7 +579,7 @@ def test_the_command_writes_a_map_that_meets_its_schema(tmp_path: Path) -> None:
         "--case", "paper", "--speeds", "600,15", "--clearances", "1e-2,1e-4", "--workers", "2", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
-    folder = tmp_path / "reports" / "paper-validity-speeds=600,15-clearances=1e-2,1e-4"
+    folder = tmp_path / "reports" / "paper-validity-speeds_600,15-clearances_1e-2,1e-4"
     assert sorted(path.name for path in folder.iterdir()) == [
         "validity.csv",
         "validity.json",
@@ -737,7 +737,7 @@ def test_a_map_without_a_single_cell_is_status_3(tmp_path: Path) -> None:
     assert "every cell failed" in done.stderr
     assert "cannot be reached" in done.stderr
     result = json.loads(
-        (tmp_path / "reports" / "crank-rocker-validity-speeds=60-clearances=0.099-large" / "validity.json").read_text(
+        (tmp_path / "reports" / "crank-rocker-validity-speeds_60-clearances_0.099-large" / "validity.json").read_text(
             encoding="utf-8"
         )
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -12,6 +13,7 @@ import pint
 import pytest
 
 import linkage_crosscheck as lc
+from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Sensor, Spring
@@ -121,6 +123,20 @@ crank = "30 deg"
 rod = "-12 deg"
 slider = 0.0
 """
+
+
+@pytest.mark.parametrize(
+    ("file", "typed", "said"),
+    [
+        ("coupler = 0.98", "coupler = 10 #", 'assembly.coupler says 10.0000; correct it, or is "10 deg" meant?'),
+        ('name = "B"', 'name = "B"\nclearance = 0.2', 'radial clearance in m, or with its unit, such as "0.2 mm"'),
+        ('name = "B"', 'name = "B"\nclearance = "0,2 mm"', "a valid number, with a point in place of the comma"),
+    ],
+)
+def test_a_number_in_another_unit_or_with_a_comma_is_told_how_to_write_it(file: str, typed: str, said: str) -> None:
+    text = (Path(__file__).parents[1] / "analytic/mechanism/cases/crank-rocker.toml").read_text(encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(said)):
+        Assembly(loads(text.replace(file, typed)))
 
 
 def test_a_file_may_say_its_units() -> None:

@@ -479,9 +479,10 @@ class Assembly:
             b = s.body_column(name)
             angle = float(home[list(s.turned[b])].sum() + s.held_at[b])
             if abs(angle - asked.get(name, angle)) > ASSEMBLY_SLACK:
+                degrees = f', or is "{asked[name]:g} deg" meant?' if abs(asked[name]) > math.pi else ""
                 raise AssemblyError(
                     f"{self.mechanism.name}: it does not close near the assembly angles: {name} would be at"
-                    f" {angle:.4f} rad, assembly.{name} says {asked[name]:.4f}; correct it"
+                    f" {angle:.4f} rad, assembly.{name} says {asked[name]:.4f}; correct it{degrees}"
                 )
 
     def _check_moves(self) -> None:

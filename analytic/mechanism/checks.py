@@ -73,7 +73,7 @@ def check_joint(joint: Joint, parts: PartsByName) -> None:
         if isinstance(body, Body) and len(body.points) > 1 and 0 < body.length <= joint.clearance:
             raise ValueError(
                 f"{where}clearance = {joint.clearance} m is not smaller than body {body.name!r} ({body.length:g} m);"
-                " give the radial clearance in m"
+                f' give the radial clearance in m, or with its unit, such as "{joint.clearance:g} mm"'
             )
 
 

@@ -63,6 +63,7 @@ def find(mechanism: Mechanism, name: str) -> Dotted:
     fields: dict[str, Any] = as_written(mechanism)
     if name in NO_NUMBERS:
         raise FieldError(f"{name}: {NO_NUMBERS[name]}")
+    _whole(name, fields)
     table, rest = _step(name, name, TABLES, "a mechanism file")
     place: tuple[str | int, ...] = (table,)
     here: Any = fields.get(table)
@@ -88,6 +89,14 @@ def find(mechanism: Mechanism, name: str) -> Dotted:
         point, rest = _step(name, rest.removeprefix("points."), list(here["points"]), "the ground's points")
         place, here = (table, "points", point), here["points"][point]
     return Dotted(name, _inside(name, place, here, rest), "m" if place[-1] == LENGTH else si_unit(fields, place))
+
+
+def _whole(name: str, fields: Mapping[str, Any]) -> None:
+    """Raises FieldError for a body's or a joint's field by the part's name alone."""
+    for kind in ("body", "joint") if name.partition(".")[0] not in TABLES else ():
+        if any(name.startswith(f"{part['name']}.") for part in fields[kind]):
+            whole = f"{kind}.{name}"
+            raise FieldError(f"{name}: did you mean {whole!r}", close=whole)
 
 
 def with_values(mechanism: Mechanism, values: Mapping[Dotted, float | str]) -> Mechanism:

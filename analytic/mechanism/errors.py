@@ -105,7 +105,8 @@ def _asked(fault: Any) -> str:
         return f"Input should be {fault['ctx']['max_length']} values, not {fault['ctx']['actual_length']}"
     if fault["type"] == "string_pattern_mismatch":
         return "Input should be a name, without @ and unprintable characters"
-    return str(fault["msg"].removeprefix("Value error, "))
+    comma = fault["type"] == "float_type" and isinstance(fault["input"], str) and "," in fault["input"]
+    return f"{fault['msg'].removeprefix('Value error, ')}{', with a point in place of the comma' * comma}"
 
 
 def _place(location: tuple[int | str, ...], fields: Mapping[str, object]) -> tuple[int | str, ...]:

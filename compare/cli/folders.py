@@ -111,7 +111,7 @@ def refuse_others(context: typer.Context, folder: Path, texts: Mapping[str, str]
 
 
 def _named(context: typer.Context, stem: str) -> str:
-    """A default folder's name: ``paper-mujoco``, ``paper-mujoco-static-B=2e-4``."""
+    """A default folder's name: ``paper-mujoco``, ``paper-mujoco-static-B_2e-4``."""
     parts = [file_name(stem)]
     for option in context.command.params:
         value = context.params.get(option.name or "")
@@ -121,7 +121,7 @@ def _named(context: typer.Context, stem: str) -> str:
             and str(value) != str(option.get_default(context))
         ):
             parts.append(_part(str(option.name), value))
-    name = "".join(c if c.isalnum() or c in "-_=+.,@" else "_" for c in "-".join(parts))
+    name = "".join(c if c.isalnum() or c in "-_+.,@" else "_" for c in "-".join(parts))
     if len(name) <= LONGEST_NAME:
         return name
     return f"{name[: LONGEST_NAME - 9]}-{hashlib.sha256(name.encode()).hexdigest()[:8]}"

@@ -2,6 +2,7 @@
 
 import inspect
 import io
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import MISSING, Field, dataclass
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 import typer
 
 from analytic.writing import OutputError, write_atomically
-from compare.ci import no_answer, source
+from compare.ci import in_ci, no_answer, source
 from compare.cli.folders import named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
 from compare.faults import Exit, OptionError, Stopped, complaints
@@ -76,15 +77,15 @@ class CommandLine:
 
     @contextmanager
     def complaints(self) -> Iterator[list[str]]:
-        """Faults as sentences that name an option as it was typed; see :func:`compare.faults.complaints`.  JUnit files
-        that it was told where to write have them too.
+        """Faults as sentences that name an option as it was typed; see :func:`compare.faults.complaints`.  In CI, and
+        where one is asked for, a JUnit file has them too.
         """
         names = {field.name: name for q in self.questions for field, name, _ in _typed(q)}
         try:
             with complaints(self.context, names) as caught:
                 yield caught
         except Stopped as stopped:
-            if stopped.exit_code != Exit.INTERRUPTED and (self.has("out") or self.has("junit")):
+            if stopped.exit_code != Exit.INTERRUPTED and (self.has("junit") or in_ci()):
                 for path in self.tests:
                     with suppress(OutputError), made_folder(path.parent):
                         kind = Exit(stopped.exit_code).name.lower().replace("_", " ")
@@ -113,7 +114,14 @@ class CommandLine:
         return self.ask(question, question, **more)
 
     def folder(self, stem: str, file: str, *beside: str) -> Path:
-        """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`."""
+        """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`.  Raises
+        MechanismError first where there is no such case.
+        """
+        case = self.words.get("case")
+        if isinstance(case, str) and not os.path.lexists(case):
+            from analytic.mechanism.file import load
+
+            load(case)
         where = self.asked(Where)
         folder = result_folder(self.context, stem, file, where.out, where.overwrite, beside)
         self.tests.extend(folder / name for name in beside if name == "junit.xml")

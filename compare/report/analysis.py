@@ -11,6 +11,7 @@ from compare.report.peaks import GOOD, error_peaks, over, poor, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
+from compare.report.words.validity import RPM
 from compare.results.analysis import Analysis
 
 ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "worst case", "at", "by joint, first order")
@@ -27,6 +28,9 @@ def print_table(result: Analysis, console: Console) -> None:
         print_rows(console, ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order"))
     if result.tolerances is not None:
         print_signals(result.tolerances, over(result), console)
+    if result.mechanism.speed is not None:
+        speed = result.mechanism.speed
+        say(console, f"drive: {plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s)")
     for joint, stroke in strokes(result):
         say(console, f"stroke of {joint}: {stroke}")
     if poor(result):
