@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import ceil, degrees, radians, tau
 from typing import Any
@@ -17,7 +17,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
-from analytic.paper.envelope import condition, transmission
+from analytic.paper.envelope import ContactSideChange, condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
 from analytic.paper.superposition import whole_turn
 from compare.arguments import (
@@ -53,6 +53,7 @@ PEAK_STEP = radians(1.0)  # crank angle between looks: a parabola misses the pea
 LOOKS = 360  # at the least over times, however few these are
 MOST_LOOKS = 1440
 UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
+SAME_PLACE = 0.5  # deg, between pins that cross their bearings: a sentence says one of them
 CLOSER = 5  # looks in a PEAK_STEP around such a peak
 
 
@@ -137,7 +138,7 @@ def _signals_of(question: AnalyseQuestion, schedule: Schedule) -> Callable[[Mech
 
 def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple[dict[str, Any], list[str]]:
     """The transmission angle at a crank's angles, and what clearance does to each body there, joint by joint, with
-    where a pin crosses its bearing in a sentence each; nothing of what no crank moves.
+    where pins cross their bearings, in words; nothing of what no crank moves.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
     if theta is None:
@@ -147,12 +148,6 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
     outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
     stiff = m.rigid().replace(joints=[j.model_copy(update={"elasticity": None}) for j in m.joints])
     cycle = cycle_accuracy(Assembly(stiff), theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
-    strikes = ", and strikes it" if motion == "driven" else ""
-    crossing = [
-        f"the reaction at {change.joint} turns by {abs(degrees(change.turned)):.0f} deg at"
-        f" {plain(degrees(change.crank_angle) % 360, 4)} deg: there the pin crosses its bearing{strikes}"
-        for change in cycle.side_changes
-    ]
     return {
         "transmission": transmission(cycle.condition),
         "errors": {
@@ -164,7 +159,26 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
             )
             for d in outputs
         },
-    }, crossing
+    }, list(_crossings(cycle.side_changes, motion))
+
+
+def _crossings(changes: Sequence[ContactSideChange], motion: Motion) -> Iterator[str]:
+    """Where pins cross their bearings: a sentence for all joints that do so at about the same angles."""
+    there: dict[float, dict[str, float]] = {}
+    for change in changes:
+        at = degrees(change.crank_angle) % 360
+        place = next((place for place in there if abs(at - place) < SAME_PLACE), at)
+        there.setdefault(place, {})[change.joint] = abs(degrees(change.turned))
+    places: dict[tuple[str, ...], list[float]] = {}
+    for place, turned in there.items():
+        places.setdefault(tuple(sorted(turned)), []).append(place)
+    strikes = ", and strikes it" if motion == "driven" else ""
+    for joints, angles in places.items():
+        turn, pin = ("reactions at {} turn", "each pin") if len(joints) > 1 else ("reaction at {} turns", "the pin")
+        by = max(there[place][joint] for place in angles for joint in joints)
+        at_all = ", ".join(plain(place, 4) for place in angles)
+        said = f"the {turn.format(', '.join(joints))} by {'up to ' * (len(joints) > 1)}{by:.0f} deg at {at_all} deg"
+        yield f"{said}: there {pin} crosses its bearing{strikes}"
 
 
 def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[str]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 from pathlib import Path
 from typing import cast
@@ -138,8 +139,17 @@ def swept(question: SweepQuestion) -> Sweep:
             SweptPoint.model_validate(answer.model_dump(include={*SweptPoint.model_fields})) for answer in answers
         ),
         versions=versions(),
-        warnings=tuple(dict.fromkeys(text for answer in answers for text in answer.warnings)),
+        warnings=tuple(_alike(text for answer in answers for text in answer.warnings)),
     )
+
+
+def _alike(texts: Iterable[str]) -> Iterator[str]:
+    """Each text once; of those that differ in their numbers the first, and how many there are."""
+    kinds: dict[str, dict[str, None]] = {}
+    for text in texts:
+        kinds.setdefault(re.sub(r"\b\d[\d.]*(e[-+]?\d+)?\b", "", text), {})[text] = None
+    for first, *others in kinds.values():
+        yield f"{first} (and with {count(len(others), 'other set')} of numbers)" if others else first
 
 
 # ---------------------------------------------------------------- what is varied

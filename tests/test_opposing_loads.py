@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from functools import partial
 from pathlib import Path
 
@@ -266,6 +267,16 @@ def test_where_it_turns_a_reaction_round_no_peak_is_made_of_the_pin_that_crosses
     assert any("crosses its bearing" in why for why in found.flags.values())
     for joint, reaction in found.reactions.forces.items():
         np.testing.assert_allclose(np.abs(reaction)[said], np.abs(ideal.reactions.forces[joint])[said], rtol=0.3)
+
+
+def test_pins_that_cross_their_bearings_at_the_same_angles_are_one_warning_also_in_a_sweep() -> None:
+    m = load("crank-rocker").replace(loads=(Load(body="follower", torque=3.0, opposes=True),))
+    m = m.with_clearances(dict.fromkeys("DABE", 1e-5))
+    (text,) = (text for text in lc.analyse(m).warnings if "crosses its bearing" in text)
+    assert re.match(r"the reactions at A, B, D, E turn by up to 180 deg at 35\.\d+, 236\.4 deg: there each pin", text)
+    swept = lc.sweep(m, {"body.coupler.length": [0.12, 0.121, 0.122]}, workers=1)
+    turned = [text for text in swept.warnings if "crosses its bearing" in text]
+    assert turned == [f"{text} (and with 2 other sets of numbers)"]
 
 
 def test_a_released_wheel_is_braked_to_rest_and_held() -> None:

@@ -52,15 +52,14 @@ def cautions(result: Accuracy) -> Iterator[str]:
         for first, why in list(reasons.items())[:1]:
             at = f"{math.degrees(result.crank_angle[int(first)]):.4g} deg"
             yield f"{what} at {len(reasons)} of {of}{told}; first {at}: {why}"
+    places: dict[str, list[str]] = {}
     for change in result.side_changes:
         name = max(change.jump, key=lambda n: (result.outputs[n].unit == "m", abs(change.jump[n])))
         unit, factor = shown(result.outputs[name].unit)
         what = "changes side" if abs(change.turned) > math.pi / 2 else "is hardly loaded"
-        where = f"{math.degrees(change.crank_angle):.4g} deg"
-        yield (
-            f"the contact in {change.joint} {what} at {where}: {name} jumps by"
-            f" {plain(change.jump[name] * factor)} {unit}"
-        )
+        where = f"the contact {what} at {math.degrees(change.crank_angle):.4g} deg: {name} jumps by"
+        places.setdefault(where, []).append(f"{plain(change.jump[name] * factor)} {unit} in {change.joint}")
+    yield from (f"{where} {', '.join(jumps)}" for where, jumps in places.items())
 
 
 def facts(result: PlatformAccuracy) -> dict[str, str]:
