@@ -284,17 +284,20 @@ def _answer(run: Mapping[str, object]) -> Answer:
 
 
 def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
-    """The largest reaction of each joint, what each drive gives at the most, and the error of each output."""
+    """The largest of each signal on request, of each joint's reaction and of what each drive gives, and where it is;
+    and the error of each output.
+    """
     known, drives = quantities(result.mechanism), drive_signals(result.mechanism)
     reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
+    asked = [name for name, signal in result.kinds.items() if signal.on_request]
     columns: dict[str, SweptColumn] = {}
     numbers: dict[str, float | None] = {}
-    for name in (name for name in (*reactions, *drives) if name in result.signals):
-        group: Group = "drive" if name in drives else "reaction"
+    place = "rad" if result.time is None else "s"
+    for name in (name for name in (*asked, *reactions, *drives) if name in result.signals):
+        group: Group = "asked" if name in asked else "drive" if name in drives else "reaction"
         columns[name] = SweptColumn(group=group, label=known[name].label, unit=result.kinds[name].unit)
-        between = result.extremes.get(name)
-        ends = [] if between is None else [each for each in (between.highest, between.lowest) if each is not None]
-        numbers[name] = _largest(np.array([*result.signals[name], *ends]))
+        columns[f"{name}_at"] = SweptColumn(group="place", label=f"place of {known[name].label}", unit=place)
+        numbers[name], numbers[f"{name}_at"] = _peak(result, name)
     for name, error in result.errors.items():
         columns[f"error_{name}"] = SweptColumn(group="error", label=f"error of {name}", unit=error.unit)
         numbers[f"error_{name}"] = _largest(error.equilibrium)
@@ -352,6 +355,18 @@ def _compared(at: Mapping[str, int], result: CrossCheck) -> Answer:
     )
     update = {"columns": {"share": column}, "numbers": {"share": share}, "farthest": farthest}
     return answer.model_copy(update=update)
+
+
+def _peak(result: Analysis, name: str) -> tuple[float | None, float | None]:
+    """The value of a signal that is the largest in size, between the samples too, and the crank angle (rad) or time (s)
+    of it; None where there is none.
+    """
+    values, places = result.signals[name], result.crank_angle if result.time is None else result.time
+    found = [(float(values[k]), float(places[k])) for k in np.flatnonzero(np.isfinite(values))]
+    ends = result.extremes.get(name)
+    between = () if ends is None else ((ends.highest, ends.highest_at), (ends.lowest, ends.lowest_at))
+    found += [(value, place) for value, place in between if value is not None and place is not None]
+    return max(found, key=lambda each: abs(each[0]), default=(None, None))
 
 
 def _largest(values: np.ndarray) -> float | None:

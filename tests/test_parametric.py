@@ -18,7 +18,7 @@ from analytic.mechanism.dotted import FieldError, find, with_values
 from analytic.mechanism.file import dumps, load, shipped_cases
 from compare.faults import ArgumentError
 from compare.parametric import values_of
-from compare.report.sweep import panels
+from compare.report.sweep import panels, table
 from compare.results.sweep import Sweep
 
 RPM = math.pi / 30
@@ -171,6 +171,20 @@ def test_values_are_ranges_with_their_stop_lists_and_words_with_units() -> None:
     assert values_of(gap, np.array([1e-4, 2e-4])).values == (1e-4, 2e-4)
     assert values_of(law, "kelvin-voigt,hunt-crossley").values == ("kelvin-voigt", "hunt-crossley")
     assert values_of(speed, "free").values == ("free",)
+
+
+def test_a_sweep_has_what_is_asked_for_and_where_each_peak_is() -> None:
+    """Power is torque times speed: its peak is where the torque's is."""
+    swept = lc.sweep("crank-rocker", {"drive.speed": [10.0, 20.0]}, signals="drive_power", workers=1)
+    for point, speed in zip(swept.points, (10.0, 20.0), strict=True):
+        found = point.numbers
+        assert found["drive_power"] == pytest.approx(speed * (found["drive_torque"] or 0.0), rel=1e-9)
+        assert found["drive_power_at"] == pytest.approx(found["drive_torque_at"], abs=1e-6)
+        m = load("crank-rocker")
+        row = lc.analyse(with_values(m, {find(m, "drive.speed"): speed})).extremes["drive_torque"]
+        assert any(found["drive_torque_at"] == pytest.approx(at, abs=1e-9) for at in (row.highest_at, row.lowest_at))
+    heads, _ = table(swept)
+    assert heads[1] == "drive power (W)"
 
 
 @pytest.mark.parametrize(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report.analysis_page import files
-from compare.report.peaks import GOOD, error_peaks, over, poor, strokes
+from compare.report.peaks import GOOD, error_peaks, over, poor, powers, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
@@ -30,7 +31,9 @@ def print_table(result: Analysis, console: Console) -> None:
         print_signals(result.tolerances, over(result), console)
     if result.mechanism.speed is not None:
         speed = result.mechanism.speed
-        say(console, f"drive: {plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s)")
+        watts = [np.nanmax(values) for values in powers(result).values()]
+        power = f", at most {plain(max(watts))} W" if watts else ""
+        say(console, f"drive: {plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s){power}")
     for joint, stroke in strokes(result):
         say(console, f"stroke of {joint}: {stroke}")
     if poor(result):

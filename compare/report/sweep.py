@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLES = {
+    "asked": "largest of what is asked for",
     "reaction": "largest reaction",
     "drive": "largest of the drive",
     "error": "largest error by clearance",
@@ -112,10 +113,12 @@ def main_columns(result: Sweep) -> list[str]:
 
 
 def kinds(result: Sweep) -> dict[tuple[str, str], list[str]]:
-    """The columns that are not zero throughout, and a yield, by what they are and their unit, the largest first."""
+    """The columns of numbers that are not zero throughout, but for a yield, by what they are and their unit, the
+    largest first.
+    """
     by_kind: dict[tuple[str, str], list[str]] = {}
     for name, column in result.columns.items():
-        if size(result, name) > 0 or column.group == "yield":
+        if column.group == "yield" or (size(result, name) > 0 and column.group != "place"):
             by_kind.setdefault((column.group, column.unit), []).append(name)
     return {kind: sorted(names, key=lambda name: -size(result, name)) for kind, names in by_kind.items()}
 

@@ -13,7 +13,7 @@ from compare.results.document import Document, Mechanism, Number, Part, Row, Tex
 
 Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
 FieldValue = float | str
-Group = Literal["reaction", "drive", "error", "worst_case", "yield", "share"]
+Group = Literal["asked", "reaction", "drive", "place", "error", "worst_case", "yield", "share"]
 
 
 class SweptField(Part):
