@@ -50,7 +50,7 @@ def test_every_case_is_analysed_and_its_file_meets_the_schema(case: str, clearan
     found = numbers("--case", case, "--clearance", clearance, "--samples", "500", cwd=tmp_path)
     Draft202012Validator(SCHEMA).validate(found)
     assert found == json.loads(
-        (tmp_path / "reports" / f"{case}-accuracy-{clearance}-samples=500" / "accuracy.json").read_text(
+        (tmp_path / "reports" / f"{case}-accuracy-{clearance.replace('=', '_')}-samples_500" / "accuracy.json").read_text(
             encoding="utf-8"
         )
     )

@@ -613,7 +613,7 @@ def test_every_linkage_has_a_map(case: str, rpm: str, joint: str, tmp_path: Path
     assert result["joints"] == [joint]
     assert "verdict" in result["cells"][0]
     assert result == json.loads(
-        (tmp_path / "reports" / f"{case}-validity-speeds={rpm}-clearances=1e-4" / "validity.json").read_text(
+        (tmp_path / "reports" / f"{case}-validity-speeds_{rpm}-clearances_1e-4" / "validity.json").read_text(
             encoding="utf-8"
         )
     )
