@@ -50,9 +50,9 @@ def test_every_case_is_analysed_and_its_file_meets_the_schema(case: str, clearan
     found = numbers("--case", case, "--clearance", clearance, "--samples", "500", cwd=tmp_path)
     Draft202012Validator(SCHEMA).validate(found)
     assert found == json.loads(
-        (tmp_path / "reports" / f"{case}-accuracy-{clearance.replace('=', '_')}-samples_500" / "accuracy.json").read_text(
-            encoding="utf-8"
-        )
+        (
+            tmp_path / "reports" / f"{case}-accuracy-{clearance.replace('=', '_')}-samples_500" / "accuracy.json"
+        ).read_text(encoding="utf-8")
     )
     assert list(found["outputs"]) == [f"{b.name}_{axis}" for b in load(case).bodies for axis in ("x", "y", "angle")]
     n = len(found["crank_angle"])

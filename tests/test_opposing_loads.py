@@ -19,7 +19,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
-from compare.report.peaks import strokes
+from compare.report.peaks import acting, strokes
 from engine_checks import CALM, agreed
 from engines_here import missing
 from marks import slow, slow_but
@@ -267,6 +267,16 @@ def test_where_it_turns_a_reaction_round_no_peak_is_made_of_the_pin_that_crosses
     assert any("crosses its bearing" in why for why in found.flags.values())
     for joint, reaction in found.reactions.forces.items():
         np.testing.assert_allclose(np.abs(reaction)[said], np.abs(ideal.reactions.forces[joint])[said], rtol=0.3)
+
+
+@pytest.mark.parametrize("motion", ["driven", "static"])
+def test_a_torque_that_opposes_is_drawn_against_the_turning_and_changes_its_sign(motion: Motion) -> None:
+    m = load("crank-rocker").replace(loads=(Load(body="follower", torque=3.0, opposes=True),))
+    rate = lc.analyse(m).signals["follower_angular_velocity"]
+    (load_,) = acting(lc.analyse(m, motion=motion))
+    clear = np.abs(rate) > 0.1 * np.max(np.abs(rate))
+    np.testing.assert_array_equal(load_.size[clear], -3.0 * np.sign(rate[clear]))
+    assert set(np.sign(rate[clear])) == {-1.0, 1.0}
 
 
 def test_pins_that_cross_their_bearings_at_the_same_angles_are_one_warning_also_in_a_sweep() -> None:

@@ -18,6 +18,7 @@ from compare.report.mover import Column, Mover, Moving, Read, Side, gap, opens
 from compare.report.moving_picture import moving_picture
 from compare.report.peaks import (
     NOTHING,
+    Acting,
     acting,
     over,
     peaks,
@@ -95,16 +96,7 @@ def _mover(result: Analysis, still: Markup) -> Mover:
         if f"reaction_{joint.name}_x" in result.signals
     }
     sizes = [result.signals[f"reaction_{name}_magnitude"] for name in forces]
-    loads = [
-        {
-            "body": each.load.body,
-            "point": _arm(m, each.load),
-            "x": scaled((each.size * each.way).real),
-            "y": scaled((each.size * each.way).imag),
-        }
-        for each in acting(result)
-        if each.unit == "N"
-    ]
+    loads = [{"body": each.load.body, "point": _arm(m, each.load)} | _pushes(each) for each in acting(result)]
     run = Moving(
         over=x,
         opens=opens(x),
@@ -123,6 +115,13 @@ def _mover(result: Analysis, still: Markup) -> Mover:
     boxes = {"forces": "reactions and loads", "paths": "paths of the joints"}
     boxes |= {"ideal": "linkage without clearance"} if result.clearance else {}
     return Mover(m, {result.case: run}, boxes, still, NOTE)
+
+
+def _pushes(acts: Acting) -> dict[str, object]:
+    """A force (N) by its components, a torque by its share of its largest size."""
+    if acts.unit == "N":
+        return {"x": scaled((acts.size * acts.way).real), "y": scaled((acts.size * acts.way).imag)}
+    return {"turn": scaled(acts.size / max(np.nanmax(np.abs(acts.size)), NOTHING))}
 
 
 def _arm(m: Mechanism, load: Load) -> list[float]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.parts import GROUND, TINY
+from analytic.mechanism.signals import continued
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
@@ -293,7 +294,13 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
             way = way * (1.0 if load.opposes else complex(*load.force) / size)
             yield Acting(load, f"force on {load.body}", "N", size * share, way)
         if load.torque:
-            yield Acting(load, f"torque on {load.body}", "N·m", load.torque * share, way)
+            torque = load.torque * share
+            if load.opposes:
+                rate = result.signals.get(f"{load.body}_angular_velocity", np.zeros(1))
+                still = not np.any(rate)
+                rate = _moved(result, continued(result.signals[f"{load.body}_angle"])) if still else rate
+                torque = -np.abs(torque) * np.sign(rate)
+            yield Acting(load, f"torque on {load.body}", "N·m", torque, way)
 
 
 def _time(result: Analysis | Simulation) -> np.ndarray | None:
@@ -310,7 +317,13 @@ def _way(result: Analysis | Simulation, load: Load) -> np.ndarray:
     body, turn = m.moving[load.body], np.exp(1j * signals[f"{load.body}_angle"])
     arm = body.point(load.point) - body.point("com")
     path = signals[f"{load.body}_x"] + 1j * signals[f"{load.body}_y"] + arm * turn
-    if path.size < 2:
-        return np.zeros(path.size, complex)
-    moved = np.gradient(path) * np.gradient(over(result).values) * (1.0 if over(result).of_time else m.speed or 1.0)
+    moved = _moved(result, path)
     return np.asarray(-moved / np.maximum(np.abs(moved), TINY))
+
+
+def _moved(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
+    """Which way (N,) a place or an angle goes as the drive goes on, from sample to sample."""
+    if path.size < 2:
+        return np.zeros_like(path)
+    forth = 1.0 if over(result).of_time else result.mechanism.speed or 1.0
+    return np.gradient(path) * np.gradient(over(result).values) * forth

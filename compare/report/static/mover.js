@@ -151,7 +151,17 @@ class Mover {
   pushed(load, pose, i) {
     const {x, y, angle} = pose[load.body], [u, v] = load.point;
     const at = [x + u * Math.cos(angle) - v * Math.sin(angle), y + u * Math.sin(angle) + v * Math.cos(angle)];
-    return this.arrowFrom(at, load, "bad", i, true);
+    return load.turn ? this.turned(at, load.turn[i]) : this.arrowFrom(at, load, "bad", i, true);
+  }
+
+  // A torque, round a point: three quarters of a circle where it is the largest.
+  turned(at, share) {
+    if (!known(share) || Math.abs(share) < 0.01) return [];
+    const radius = 0.07 * this.height, whole = 1.5 * Math.PI * share, head = Math.sign(share) * Math.min(0.5, Math.abs(whole) / 2);
+    const on = (turn, r = radius) => at.map((v, k) => 1e3 * v + r * (k ? Math.sin(turn) : Math.cos(turn)));
+    const points = Array.from({length: 25}, (_, k) => on((whole * k) / 24));
+    points.push(on(whole - head, 1.25 * radius), on(whole), on(whole - head, 0.75 * radius));
+    return [{name: "", x: points.map((p) => p[0]), y: points.map((p) => p[1]), role: "bad", mark: "line", level: 0, scale: true, labels: []}];
   }
 
   arrowFrom(at, force, role, i, ends = false) {
