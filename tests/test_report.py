@@ -413,6 +413,15 @@ def test_every_figure_is_an_svg_with_its_data_in_a_text_alternative(report: Path
             assert 0 <= float(text.get("y", "-1")) <= height
 
 
+def test_a_joints_name_stays_within_the_axes_and_clear_of_another_one() -> None:
+    joints = Series("", (0.0, 0.5, 30.0), (0.1, 0.0, 0.1), "frame", "joint", labels=("crankpin", "motor", "spindle"))
+    edge = Series("", (-1.0, 31.0), (-1.0, 1.0), "frame")
+    root = ElementTree.fromstring(draw(Figure("f", "t", "s", Axis("x", ""), Axis("y", ""), (edge, joints))))
+    said = {t.text: (t.get("text-anchor"), float(t.get("y", "nan"))) for t in root.iter(f"{SVG}text")}
+    assert [said[name][0] for name in ("crankpin", "motor", "spindle")] == ["start", "start", "end"]
+    assert said["motor"][1] - said["crankpin"][1] >= 14
+
+
 def test_a_curve_is_drawn_where_its_axes_say() -> None:
     figure = Figure("f", "t", "s", Axis("x", ""), Axis("y", ""), (Series("line", (0.0, 10.0), (0.0, 4.0), "contact"),))
     root = ElementTree.fromstring(draw(figure))

@@ -295,7 +295,7 @@ def _line(xs: Numbers, ys: Numbers, x: Scale, y: Scale) -> str:
 
 
 def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
-    """Names of joints, and what peaks are: within the area, a peak's below those of higher ones."""
+    """Names of joints, and what peaks are: within the area, each below those of higher places."""
     halo = f' paint-order="stroke" stroke="{PAPER}" stroke-width="3"'
     out, taken = list[str](), list[tuple[float, float, float]]()
     named = (
@@ -305,14 +305,13 @@ def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
         if a is not None and b is not None
     )
     for py, px, name, peak in sorted(named):
-        room = 6.2 * len(name) + 12 if peak else 30.0
+        room = (6.2 if peak else 8.6) * len(name) + 12
         starts = px + room < x.end if peak else px - room < x.start
         up = py - (8 if peak else 11)
         up = py + 18 if up < y.end + 12 else up
-        if peak:
-            start, end = (px + 8, px + room) if starts else (px - room, px - 8)
-            up = max([up, *(other + 13 for low, high, other in taken if low < end and start < high)])
-            taken.append((start, end, up))
+        start, end = (px + 8, px + room) if starts else (px - room, px - 8)
+        up = max([up, *(other + 14 for low, high, other in taken if low < end and start < high)])
+        taken.append((start, end, up))
         style = (12, "400") if peak else (14, "600")
         across = 8 if starts else -8 if peak else -12
         out.append(label(name, px + across, up, "start" if starts else "end", *style, extra=halo))

@@ -202,17 +202,15 @@ class Chart {
     if (active) this.svg.focus({preventScroll: true});
   }
 
-  // A name beside a joint, or what a peak is; within the area, a peak's below those of higher ones.
+  // A name beside a joint, or what a peak is; within the area, each below those of higher places.
   label(name, px, py, peak, area) {
-    const {x, y} = this.scales, room = peak ? 6.2 * name.length + 12 : 30;
+    const {x, y} = this.scales, room = (peak ? 6.2 : 8.6) * name.length + 12;
     const starts = peak ? px + room < x.end : px - room < x.start;
     let up = py - (peak ? 8 : 10);
     if (up < y.end + 12) up = py + 18;
-    if (peak) {
-      const [from, to] = starts ? [px + 8, px + room] : [px - room, px - 8];
-      for (const other of this.labelled) if (other.from < to && from < other.to) up = Math.max(up, other.up + 13);
-      this.labelled.push({from, to, up});
-    }
+    const [from, to] = starts ? [px + 8, px + room] : [px - room, px - 8];
+    for (const other of this.labelled) if (other.from < to && from < other.to) up = Math.max(up, other.up + 14);
+    this.labelled.push({from, to, up});
     svg("text", {x: px + (starts ? 8 : peak ? -8 : -11), y: up, "text-anchor": starts ? "start" : "end", class: peak ? "peak" : "label"}, area, name);
   }
 
