@@ -46,7 +46,11 @@ MEANS = {
     ("Mechanism", "stop"): "`[[stop]]`, any number",
     ("Mechanism", "load"): "`[[load]]`, any number",
     ("Mechanism", "sensor"): "`[[sensor]]`, any number; [what each reads](../how-to/sensors.md)",
-    ("Mechanism", "assembly"): "rad by body: roughly the angles at which the linkage is assembled",
+    (
+        "Mechanism",
+        "assembly",
+    ): "rad by body: roughly the angles at which the linkage is assembled; required of the driven body and of"
+    " those that pick how loops close",
     (
         "Mechanism",
         "tolerances",

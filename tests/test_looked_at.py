@@ -25,7 +25,8 @@ def test_the_peaks_of_an_analysis_are_those_of_closely_spaced_angles() -> None:
 
 def test_a_signal_is_drawn_by_its_name_with_its_peak() -> None:
     result = lc.analyse("crank-rocker", angles=ANGLES)
-    peaks = result.peaks.set_index("signal").largest
+    found = result.peaks.set_index("signal")
+    peaks, places = found.largest, np.degrees(found.crank_angle)
     figure = result.plot("drive_torque", "coupler_angle")
     for axis, (name, said, factor) in zip(
         figure.axes,
@@ -36,11 +37,13 @@ def test_a_signal_is_drawn_by_its_name_with_its_peak() -> None:
         np.testing.assert_allclose(axis.lines[0].get_ydata(), factor * result[name])
         assert axis.lines[1].get_ydata()[0] == pytest.approx(factor * peaks[name])  # type: ignore[index]
         assert axis.get_ylabel() == said
-        assert axis.get_legend_handles_labels()[1][0].endswith(f", peak {factor * peaks[name]:.4g}")
+        assert axis.get_legend_handles_labels()[1][0].endswith(
+            f", peak {factor * peaks[name]:.4g} at {places[name]:.4g}"
+        )
     forces = [f"reaction_{joint}_magnitude" for joint in "DABE"]
     for axis in (result.plot(*forces, "drive_torque").axes[0], result.plot().axes[0]):  # one unit, one pair of axes
         labels = axis.get_legend_handles_labels()[1]
-        assert labels == [f"at {name[9]}, peak {peaks[name]:.4g}" for name in forces]
+        assert labels == [f"at {name[9]}, peak {peaks[name]:.4g} at {places[name]:.4g}" for name in forces]
         assert axis.get_ylabel() == "reaction force (N)"
 
 

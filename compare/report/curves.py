@@ -25,7 +25,7 @@ def curve(series: Series) -> tuple[np.ndarray, np.ndarray]:
 
 def with_peak(axis: Axes, x: Sequence[float], y: np.ndarray, label: str, end: End | None) -> None:
     """Draw a curve (N,) with a dot at its peak, which its name in the legend tells; with no dot where it has none."""
-    (line,) = axis.plot(x, y, label=label if end is None else f"{label}, peak {end.value:.4g}")
+    (line,) = axis.plot(x, y, label=label if end is None else f"{label}, peak {end.value:.4g} at {end.at:.4g}")
     if end is not None:
         axis.plot(end.at, end.value, "o", markersize=4, color=line.get_color())
 
