@@ -115,12 +115,17 @@ def slope(theta: np.ndarray) -> np.ndarray:
 def test_a_quick_return_says_its_stroke_and_how_much_longer_one_way_takes() -> None:
     """The lever turns back where the crank is square to it: 2 c tan(asin(r/b)) apart, pi +- 2 asin(r/b) of a turn."""
     lean = math.asin(RADIUS / BELOW)
-    ((joint, said),) = strokes(lc.analyse(shaper(), angles=TURN))
+    found = dict(strokes(lc.analyse(shaper(), angles=TURN)))
     slow, fast = (math.degrees(math.pi + 2 * way * lean) for way in (1, -1))
     travel = 2e3 * (ABOVE + BELOW) * math.tan(lean)
-    assert joint == "S"
-    assert said == f"{travel:.4g} mm, {slow:.4g} deg one way, {fast:.4g} deg back ({slow / fast:.2f}:1)"
+    assert found["S"] == f"{travel:.4g} mm, {slow:.4g} deg one way, {fast:.4g} deg back ({slow / fast:.2f}:1)"
     assert not list(strokes(lc.analyse(shaper(), angles=TURN[:20])))  # of no whole turn
+
+
+def test_a_rocker_says_how_far_it_swings() -> None:
+    """Crank and coupler are in line at its ends: triangles of ground 120, rocker 100 and 170 or 70 mm."""
+    far, near = (math.degrees(math.acos((0.12**2 + 0.1**2 - r**2) / (2 * 0.12 * 0.1))) for r in (0.17, 0.07))
+    assert dict(strokes(lc.analyse("crank-rocker")))["follower"].startswith(f"{far - near:.4g} deg, ")
 
 
 def extra(motion: Motion, *given: Load) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.parts import GROUND, TINY
-from analytic.mechanism.signals import continued
+from analytic.mechanism.signals import continued, wrapped
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
@@ -218,22 +218,26 @@ def poor(result: Erring) -> str:
 
 
 def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
-    """Each slide on the ground that goes to and fro once in a turn of the crank: how far, and for which part of the
-    turn one way and back.
+    """Each slide and each body on the ground that goes to and fro once in a turn of the crank: how far, and for which
+    part of the turn one way and back.
     """
+    m = result.mechanism
     if not over(result).around:
         return
-    known = quantities(result.mechanism)
-    for joint in (joint for joint in result.mechanism.joints if joint.prismatic and GROUND in joint.bodies):
-        name = f"position_{joint.name}"
-        way = np.sign(np.diff(result.signals[name], append=result.signals[name][:1]))
+    known = quantities(m)
+    for joint in (joint for joint in m.joints if GROUND in joint.bodies):
+        body = next(name for name in joint.bodies if name != GROUND)
+        name, what = (f"position_{joint.name}", joint.name) if joint.prismatic else (f"{body}_angle", body)
+        values = result.signals[name]
+        way = np.diff(values, append=values[:1])
+        way = np.sign(way if joint.prismatic else wrapped(way))
         if np.sum(way != np.roll(way, 1)) == 2:
-            slide = peak(result, known[name])
-            up = (slide.highest.at - slide.lowest.at) % 360
+            ends = peak(result, known[name])
+            up = (ends.highest.at - ends.lowest.at) % 360
             long, short = max(up, 360 - up), min(up, 360 - up)
-            travel = f"{plain(slide.highest.value - slide.lowest.value, 4)} mm"
+            travel = f"{plain(ends.highest.value - ends.lowest.value, 4)} {known[name].unit}"
             yield (
-                joint.name,
+                what,
                 f"{travel}, {plain(long, 4)} deg one way, {plain(short, 4)} deg back ({long / short:.2f}:1)",
             )
 
