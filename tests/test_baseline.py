@@ -22,7 +22,8 @@ from compare.baseline.check import check_file, command, file_of, update_file
 from compare.baseline.comparison import fits, moved
 from compare.baseline.file import Baseline, BaselineError, MovedLimits, StoredRun, read, write
 from compare.baseline.runs import not_run, setups
-from compare.report.baselines import lines
+from compare.report.baselines import _cases, lines
+from compare.results.baselines import Entry
 from compare.results.schemas import FOLDER
 from planted import Planted, turned
 from sim_models.engine import ENGINES, declared, engine
@@ -461,6 +462,15 @@ def test_a_changed_clearance_has_moved_and_is_said_in_millimetres(
     assert not check(tmp_path, Planted(), PAPER.with_clearances({"A": 1e-4, "B": 2e-4}))
     said = "was made with clearance B 0.1 mm, and is now made with clearance B 0.2 mm"
     assert said in capsys.readouterr().out
+
+
+def test_what_moved_is_marked_on_the_command_s_own_file_and_a_damaged_baseline_on_itself(tmp_path: Path) -> None:
+    update(tmp_path, Planted())
+    path = file_of(tmp_path, "paper", "planted")
+    moved_one = check_file(path, PAPER, "planted", "", lambda name: Planted(turned("B", np.radians(0.02))))
+    damaged = Entry(case="paper", simulator="planted", file=str(path), status="unusable", why="torn")
+    faults = [case for entry in (moved_one, damaged) for case in _cases(entry) if case.failure or case.error]
+    assert {(case.kind, case.file) for case in faults} == {("moved", ""), ("unusable", str(path))}
 
 
 # -------------------------------------------------------------------- what is stored
