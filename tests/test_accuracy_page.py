@@ -14,7 +14,8 @@ import pytest
 import linkage_crosscheck as lc
 from analytic.mechanism.file import dumps, load, loads
 from commands import compare
-from compare.report.accuracy_page import figures
+from compare.report.accuracy_page import figures, output_rows
+from compare.report.peaks import LEAST_PART, error_peaks
 from compare.results.accuracy import Accuracy
 from test_linkage_page import ARM, GRAVITY, NEEDS_CHROMIUM, TURN
 from test_report_browser import Browser, browser, no_errors
@@ -72,12 +73,13 @@ def test_the_page_says_who_has_which_part_of_the_worst_case(four: Accuracy) -> N
     """The coupler's x: it goes along with D and A, and does not answer to the pins of the parallel follower."""
     html = four.files()["accuracy.html"]
     row = re.search(
-        r'<th scope="row">coupler_x</th><td>mm</td><td class="parts">([^<]*)</td>', html.split('id="budget"')[1]
+        r'<th scope="row">coupler_x</th><td[^>]*>mm</td><td[^>]*class="parts">([^<]*)</td>',
+        html.split('id="budget"')[1],
     )
     assert row is not None
     assert sorted(row[1].split(", ")) == ["A 0.1 (50 %)", "D 0.1 (50 %)"]
     errors = html.split('id="errors"')[1].split("</section>")[0]
-    told = re.search(r'<th scope="row">coupler_x</th><td>mm</td><td class="number">([^<]*)</td>', errors)
+    told = re.search(r'<th scope="row">coupler_x</th><td[^>]*>mm</td><td[^>]*class="number">([^<]*)</td>', errors)
     assert told is not None
     output = four.outputs["coupler_x"].equilibrium
     assert float(told[1].replace("\N{MINUS SIGN}", "-")) == pytest.approx(
@@ -85,6 +87,31 @@ def test_the_page_says_who_has_which_part_of_the_worst_case(four: Accuracy) -> N
     )
     assert "10⁻¹" not in errors  # rounding is nobody's part
     assert not re.search(r"\b(?:nan|inf|None)\b", html.split("<footer>")[0])
+
+
+def test_what_is_zero_or_hardly_anything_is_not_listed(four: Accuracy) -> None:
+    """The crank's angle is the drive's; the coupler stays parallel, so that B and E do less than 1 in 200 to it."""
+    assert "crank_angle" not in {row[0] for row in output_rows(four)}
+    for row in output_rows(four):
+        assert any(cell != "-" for cell in row[2:])
+    for peak in error_peaks(four):
+        assert all(abs(part) > LEAST_PART * peak.worst for _, part in peak.parts)
+    html = four.files()["accuracy.html"]
+    assert "Worst case ±, first order" in html
+    assert not re.search(r"\(0 %\)", html)
+
+
+def test_a_platform_without_clearance_shows_what_it_has() -> None:
+    result = lc.platform_accuracy("3-rrr", times=np.linspace(0.0, 0.2, 5))
+    html = result.files()["accuracy.html"]
+    maps = data(html)["maps"]
+    assert maps[0]["title"].endswith("all together, to either side")
+    assert all(any(map(abs, (v for v in each["values"] if v is not None))) for each in maps)
+    heads = re.findall(r'<th scope="col"[^>]*>([^<]*)</th>', html.split('id="largest"')[1])
+    assert heads == ["Output", "Unit", "Compliance", "Together"]
+    table = html.split('id="largest"')[1].split("</table>")[0]
+    assert "crank1_angle" not in table
+    assert ">-<" not in table
 
 
 def test_one_output_alone_moves_the_linkage_without_its_gaps() -> None:

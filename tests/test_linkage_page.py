@@ -418,25 +418,12 @@ def test_peaks_that_are_near_each_other_are_written_in_the_order_of_their_marker
 
 @pytest.mark.slow
 @NEEDS_CHROMIUM
-def test_what_is_beside_a_platform_and_a_plan_has_room_on_a_phone(browser: Browser, tmp_path: Path) -> None:
-    """The scale of the colours, and the plan's figure; its words are dark on its own white ground in dark mode too."""
-    pages = lc.platform_accuracy("3-rrr", clearance=5e-5, times=np.linspace(0.0, 0.2, 5)).files()
-    pages |= lc.plan("paper", sensors={"drive_torque": 0.05}, budget=1).files()
-    for name in ("accuracy.html", "plan.html"):
-        (tmp_path / name).write_text(pages[name], encoding="utf-8")
-    browser.open(tmp_path / "accuracy.html", 420, ready="document.querySelector('#high').textContent !== ''")
+def test_the_scale_of_a_platforms_colours_has_room_on_a_phone(browser: Browser, tmp_path: Path) -> None:
+    page = tmp_path / "accuracy.html"
+    result = lc.platform_accuracy("3-rrr", clearance=5e-5, times=np.linspace(0.0, 0.2, 5))
+    page.write_text(result.files()[page.name], encoding="utf-8")
+    browser.open(page, 420, ready="document.querySelector('#high').textContent !== ''")
     assert browser.run("document.querySelector('#bar').getBoundingClientRect().width") > 100
-    browser.open(tmp_path / "plan.html", 360, scheme="dark", ready="true")
-    inside = "(e) => e.getBoundingClientRect().right"
-    assert browser.run(
-        f"({inside})(document.querySelector('.pair svg')) <= ({inside})(document.querySelector('.pair'))"
-    )
-    fill, room = browser.run(
-        "[getComputedStyle(document.querySelector('.pair svg text')).fill,"
-        " ((e) => e.scrollWidth - e.clientWidth)(document.querySelector('#growth'))]"
-    )
-    assert max(map(int, re.findall(r"\d+", fill)[:3])) < 128
-    assert room <= 0
 
 
 DRAWN = """(which) => [...document.querySelectorAll(`#mover svg.chart .series.${which} path`)].map((path) =>
@@ -466,7 +453,7 @@ def test_the_gap_is_drawn_as_many_times_as_is_said_and_the_ghost_has_none(
     gap = loose.clearance["B"] * float(said.split()[1]) * pixels
     rims = [np.ptp(path.real) / 2 for path in circles if path.size == 61]
     assert min(abs(rim - gap) for rim in rims) < 0.02
-    assert abs(b - follower) == pytest.approx(gap, abs=0.03)
+    assert abs(b - follower) == pytest.approx(gap, rel=0.0028)  # angles are magnified as they are, not their sines
     assert gap > 1.0  # it is to be seen
     assert abs(ghost[3] - ghost[5]) < 0.02 < 1.0 < abs(ghost[3] - b) + abs(ghost[5] - follower)
 

@@ -19,7 +19,7 @@ from compare.report.linkage_page import ERRORS, linkage_page, numbers_of
 from compare.report.mover import Column, Mover, Moving, Read, Side, opens
 from compare.report.moving_picture import moving_picture
 from compare.report.pages import glimpse
-from compare.report.peaks import NOTHING, over
+from compare.report.peaks import LEAST_PART, over
 from compare.report.svg import draw
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
@@ -29,7 +29,7 @@ SECTIONS = (ERRORS, "accuracy/budget.html.j2")
 COLUMNS = (
     Column("Equilibrium", "equilibrium", 4),
     Column("First order", "first order", 4),
-    Column("Worst ±", "", 4),
+    Column("Worst ±, first order", "", 4),
 )
 
 
@@ -136,22 +136,26 @@ def _budget(result: Accuracy) -> Iterator[tuple[str, str, list[tuple[str, float,
     """Of each output: name, unit, each joint's part of the worst case and its percentage where that is the largest, and
     the other numbers of the table.
     """
-    for row, output in zip(output_rows(result), result.outputs.values(), strict=True):
+    for row in output_rows(result):
+        output = result.outputs[row[0]]
         at, (_, factor) = _largest(output.worst_case), shown(output.unit)
         parts = {} if at is None else {j: c * output.sensitivity[j][at] for j, c in result.clearance.items()}
         whole = sum(parts.values())
         shares = [
             (joint, factor * float(part), f"{100 * part / whole:.0f}")
             for joint, part in sorted(parts.items(), key=lambda item: -item[1])
-            if part > NOTHING * whole
+            if part > LEAST_PART * whole
         ]
         if shares or any(cell != "-" for cell in row[6:]):
             yield row[0], row[1], shares, row[6:]
 
 
 def output_rows(result: Accuracy) -> list[tuple[str, ...]]:
-    """A row of the table for each output: its largest numbers over the crank angles, in millimetres and degrees."""
-    return [_row(name, output, result.crank_angle) for name, output in result.outputs.items()]
+    """A row of the table for each output that has any: its largest numbers over the crank angles, in millimetres and
+    degrees.
+    """
+    rows = [_row(name, output, result.crank_angle) for name, output in result.outputs.items()]
+    return [row for row in rows if set(row[2:]) != {"-"}]
 
 
 def _row(name: str, output: Output, theta: np.ndarray) -> tuple[str, ...]:

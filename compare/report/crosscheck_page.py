@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 
 from markupsafe import Markup
 
@@ -12,7 +11,7 @@ from analytic.mechanism.model import as_written
 from compare.quantities import DASH, assumptions
 from compare.report.crosscheck_motion import mover
 from compare.report.figure import Figure
-from compare.report.pages import PageSection, Script, figures_context, glimpse, markdown, page, warnings_context
+from compare.report.pages import PageSection, charts, figures_context, glimpse, markdown, page, warnings_context
 from compare.report.summary import REAL, ShownRun, Summary
 from compare.report.trust import checked
 from compare.report.words import crosscheck as words
@@ -50,12 +49,11 @@ def render(
     sections += ["crosscheck/contact.html.j2"] * bool(summary.contact.runs)
     sections += ["diagnosis/trust.html.j2"] * bool(shared["trusted"])
     sections += ["figures.html.j2", "crosscheck/limits.html.j2"] * bool(moved)
-    data = {"figures": [asdict(figure) for figure in figures], "motion": moved and moved.data()}
     html = page(
         f"{result.case}: {words.VERDICT_WORDS[summary.verdict]} {DASH} cross-check",
         PageSection("crosscheck/header.html.j2", context),
         [PageSection(name, context) for name in (*sections, "crosscheck/provenance.html.j2")],
-        script=Script(("chart.js", "linkage.js", "mover.js"), data),
+        script=charts(figures, moved and moved.data()),
         skip_to="the linkage" if moved else "its provenance",
         footer="All values come from result.json beside this page, which needs no network.",
     )

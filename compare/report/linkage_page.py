@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 
 from analytic.mechanism.model import as_written
 from compare.quantities import DASH, assumptions
 from compare.report.figure import Figure
 from compare.report.mover import Mover
-from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
+from compare.report.pages import PageSection, charts, figures_context, page, warnings_context
 from compare.report.peaks import error_peaks, over
 from compare.report.toleranced import on_page
 from compare.results.accuracy import Accuracy
@@ -42,10 +41,7 @@ def linkage_page(
         f"{result.case} {DASH} {about}",
         header,
         [*[linkage] * bool(moved), *numbers, *last],
-        script=Script(
-            ("chart.js", "linkage.js", "mover.js"),
-            {"figures": [asdict(figure) for figure in drawn], "motion": moved and moved.data()},
-        ),
+        script=charts(drawn, moved and moved.data()),
         skip_to="the linkage" if moved else "the numbers",
         footer=f"All values come from {result.file} beside this page, which needs no network.",
     )

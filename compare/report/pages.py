@@ -6,17 +6,21 @@ import json
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import resources
+from itertools import count
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from analytic.mechanism.one_line import capital
 from compare.quantities import number, plain, plainly, setting
 from compare.report.figure import Figure
 
 LEFT_OUT = "left out: "  # how a warning of what a question does not use begins
+SCROLLED = re.compile(r'(<div class="scroll"[^>]*>\s*<table\b.*?</thead>)(.*?</table>)', re.DOTALL)
+CELL = re.compile(r"<t[dh]\b([^>]*)>(.*?)</t[dh]>", re.DOTALL)  # of a table: its attributes, and what stands in it
+PHONE, BETWEEN, LEAST_TEXT = 54, 1, 20  # characters: across a phone, between columns, and of a column that has words
 
 
 def escape_markdown(text: str) -> str:
@@ -48,6 +52,7 @@ ENVIRONMENT = Environment(
     keep_trailing_newline=True,
 )
 ENVIRONMENT.globals["table"] = markdown_table
+ENVIRONMENT.tests["numeric"] = re.compile(r"[-+]?[.\d]+(e[-+]?\d+)?( %)?|-").fullmatch
 ENVIRONMENT.filters |= {
     "capital": capital,
     "degrees": lambda angle: f"{plain(math.degrees(angle), 4)} deg",
@@ -117,6 +122,12 @@ class Script:
     data: object
 
 
+def charts(figures: Iterable[Figure], motion: object = None) -> Script:
+    """What draws the figures of a page, and moves its linkage."""
+    data = {"figures": [asdict(figure) for figure in figures], "motion": motion}
+    return Script(("chart.js", "linkage.js", "mover.js"), data)
+
+
 def page(
     title: str,
     header: PageSection,
@@ -134,8 +145,8 @@ def page(
         "page.html.j2",
         {
             "title": title,
-            "header": Markup(header.text().strip("\n")),
-            "sections": [Markup(section.text().strip("\n")) for section in sections],
+            "header": stacking(header.text().strip("\n")),
+            "sections": [stacking(section.text().strip("\n")) for section in sections],
             "css": Markup("").join(map(static, ("report.css", *styles))),
             "scripts": Markup("").join(map(static, script.names)) if script else "",
             "data": script_json(script.data) if script else "",
@@ -151,6 +162,34 @@ def glimpse(*sections: PageSection) -> str:
     text = "".join(section.text() for section in sections)
     text = re.sub(r'<nav\b.*?</nav>|<caption.*?</caption>|<span class="sign".*?</span>', "", text, flags=re.DOTALL)
     return re.sub(r"(</?)h[1-3]\b", r"\1h4", text)
+
+
+def stacking(text: str) -> Markup:
+    """A section whose tables say in each cell what its column is; those that are wider than a phone are marked, and
+    there the style sheet puts the cells of a row one after the other.
+    """
+    return Markup(SCROLLED.sub(lambda found: _stacking(*found.groups()), text))
+
+
+def _stacking(head: str, body: str) -> str:
+    """The same of one table (HTML), its head and its body."""
+    heads = [Markup(re.sub("<small>.*?</small>", "", cell)).striptags() for _, cell in CELL.findall(head)]
+    widths = [max(map(len, cell.split()), default=0) for cell in heads]
+
+    def labelled(k: int, cell: re.Match[str]) -> str:
+        said = Markup(cell[2]).striptags()
+        whole = re.search("number|one", cell[1]) or len(said) < LEAST_TEXT
+        widths[k] = max(widths[k], len(said) if whole else max(LEAST_TEXT, *map(len, said.split())))
+        return f'<td data-label="{escape(heads[k])}"{cell[0][3:]}' if cell[0].startswith("<td") else cell[0]
+
+    def row(text: str) -> str:
+        columns = count()
+        return CELL.sub(lambda cell: labelled(min(next(columns), len(heads) - 1), cell), text)
+
+    rows = list(map(row, body.split("</tr>")))
+    if sum(widths) + BETWEEN * len(widths) > PHONE:
+        head = re.sub('<table(?: class="([^"]*)")?', r'<table class="stacks \1"', head)
+    return head + "</tr>".join(rows)
 
 
 def script_json(value: object) -> Markup:

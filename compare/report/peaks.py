@@ -20,6 +20,7 @@ from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
 
 NOTHING = 1e-9  # of what belongs to it (a reaction, a length): smaller is rounding
+LEAST_PART = 5e-3  # of the worst case: what a joint does that is less is not listed
 SHOWN_PARTS = 3  # joints of an error on a terminal
 GOOD = 40.0  # deg: the transmission angle below which textbooks call a linkage poor (Norton, Design of Machinery)
 
@@ -191,7 +192,7 @@ def error_peaks(result: Erring) -> Iterator[ErrorPeak]:
         k, w = _largest(there), _largest(worst)
         parts = {} if k is None else {joint: factor * float(part[k]) for joint, part in error.by_joint.items()}
         ordered = sorted(parts.items(), key=lambda item: -abs(item[1]))
-        known = tuple((joint, part) for joint, part in ordered if abs(part) > NOTHING * np.nanmax(worst))
+        known = tuple((joint, part) for joint, part in ordered if abs(part) > LEAST_PART * np.nanmax(worst))
         largest, place = (None, "-") if k is None else (float(there[k]), at(k))
         most, most_at = (0.0, "-") if w is None else (float(worst[w]), at(w))
         yield ErrorPeak(name, unit, largest, place, most, most_at, known)

@@ -7,7 +7,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from markupsafe import Markup
 from rich.console import Console
 
 from analytic.mechanism.file import dumps
@@ -15,7 +14,7 @@ from compare.presentation import Presentation
 from compare.quantities import plainly
 from compare.report.curves import legend
 from compare.report.figure import Axis, Figure, Series
-from compare.report.pages import PageSection, page
+from compare.report.pages import PageSection, charts, figures_context, page
 from compare.report.svg import draw
 from compare.report.tables import html_table, print_rows, say
 from compare.report.words import plan as words
@@ -32,7 +31,8 @@ EFFECT_HEADS = ("if this is missing", "it is named", "or taken for", "and known 
 
 def files(result: Plan) -> dict[str, str]:
     """The page, and what waits for the data."""
-    context: dict[str, object] = {
+    drawn = growth(result)
+    context = figures_context([drawn], {drawn.name: draw(drawn)}) | {
         "result": result,
         "words": words,
         "run_heads": RUN_HEADS,
@@ -41,7 +41,6 @@ def files(result: Plan) -> dict[str, str]:
         "sensors": [words.sensor_row(result, sensor) for sensor in result.sensors],
         "step_heads": STEP_HEADS,
         "steps": [words.step_row(result, step) for step in result.steps],
-        "growth": Markup(draw(growth(result))),
         "effect_heads": EFFECT_HEADS,
         "effects": [
             words.effect_row(result, effect) for effect in sorted(result.effects, key=lambda e: e.told_if_usual)
@@ -56,7 +55,7 @@ def files(result: Plan) -> dict[str, str]:
         f"A plan for {result.case}",
         PageSection("plan/header.html.j2", context),
         [PageSection(f"plan/{name}.html.j2", context) for name in sections],
-        styles=("preview.css",),
+        script=charts([drawn]),
     )
     return {"plan.html": html, "measured.toml": result.template, "nominal.toml": dumps(result.mechanism)}
 

@@ -26,7 +26,8 @@ PAGE_DIGITS = 5  # of numbers in the page
 
 def files(result: PlatformAccuracy) -> dict[str, str]:
     """The page, and the numbers as a table for other programs."""
-    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": ERRORS, "rows": _rows(result)}
+    heads, rows = _table(result)
+    context = {"result": result, "facts": facts(result), "notes": NOTES, "heads": heads, "rows": rows}
     sections = ["map", "largest", *["warnings"] * bool(result.warnings)]
     html = page(
         f"{result.case}: accuracy of the platform",
@@ -56,7 +57,7 @@ def _data(result: PlatformAccuracy) -> dict[str, object]:
         },
         "maps": _maps(result),
         "farthest": None
-        if point is None
+        if point is None or not result.clearance
         else [_short(result.points[point].farthest), _short(result.points[point].farthest_direction)],
     }
 
@@ -78,7 +79,8 @@ def _maps(result: PlatformAccuracy) -> list[dict[str, object]]:
     maps: list[dict[str, object]] = []
     for place, error in result.points.items():
         title = f"{place}: farthest by clearance, in any direction"
-        maps.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
+        if result.clearance:
+            maps.append({"title": title, "unit": "mm", "values": _short(1e3 * error.farthest), "decades": False})
     for name, output in result.outputs.items():
         unit, factor = shown(output.unit)
         for field, what in FIELDS.items():
@@ -104,9 +106,12 @@ def _short(values: np.ndarray) -> Numbers:
 ERRORS = ("output", "unit", "equilibrium", "worst case", "resolution", "compliance", "together", "first order off by")
 
 
-def _rows(result: PlatformAccuracy) -> list[tuple[str, ...]]:
-    """The largest sizes of each output's errors."""
-    return [(name, *_row(output, result.first_order_off.get(name))) for name, output in result.outputs.items()]
+def _table(result: PlatformAccuracy) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the largest sizes of each output's errors; nothing that is zero throughout."""
+    rows = [(name, *_row(output, result.first_order_off.get(name))) for name, output in result.outputs.items()]
+    rows = [row for row in rows if set(row[2:]) != {"-"}]
+    kept = [k for k in range(len(ERRORS)) if k < 2 or any(row[k] != "-" for row in rows)]
+    return [ERRORS[k] for k in kept], [[row[k] for k in kept] for row in rows]
 
 
 def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
@@ -118,7 +123,7 @@ def _row(output: PoseError, off: float | None) -> tuple[str, ...]:
 
 def print_table(result: PlatformAccuracy, console: Console) -> None:
     """Print the largest errors of each output over the poses, then what to beware of; ASCII."""
-    print_rows(console, ERRORS, _rows(result), left=("output", "unit"))
+    print_rows(console, *_table(result), left=("output", "unit"))
     conditions = [f"{what} {value}" for what, value in facts(result).items()]
     say(console, "largest over the poses, to either side; " + "; ".join(conditions))
     for first, why in list(result.flags.items())[:1]:
@@ -128,7 +133,8 @@ def print_table(result: PlatformAccuracy, console: Console) -> None:
 
 def summary_html(result: PlatformAccuracy) -> str:
     """The largest errors of each output over the poses."""
-    return html_table(_rows(result), ERRORS, repr(result))
+    heads, rows = _table(result)
+    return html_table(rows, heads, repr(result))
 
 
 def plot(result: PlatformAccuracy, figure: Figure) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ from compare.quantities import DASH, plain, shown
 from compare.report.analysis_figures import MOST, ROLES
 from compare.report.figure import Axis, Series, scaled
 from compare.report.figure import Figure as Drawing
-from compare.report.pages import PageSection, Script, figures_context, page, warnings_context
+from compare.report.pages import PageSection, charts, figures_context, page, warnings_context
 from compare.report.svg import HEIGHT, WIDTH, draw, picture
 from compare.report.tables import html_table, print_rows, say
 from compare.results.sweep import FieldValue, Sweep, SweptPoint
@@ -46,13 +45,11 @@ def files(result: Sweep) -> dict[str, str]:
 
 def _page(result: Sweep) -> str:
     drawn, (heads, rows) = list(drawings(result)), table(result)
-    data = {"figures": [asdict(each) for each in drawn], "motion": None}
     context = figures_context(drawn, {each.name: draw(each) for each in drawn}) | warnings_context(result.warnings)
     context |= {
         "result": result,
         "fields": " and ".join(field.name for field in result.fields),
         "headline": repr(result).removeprefix(f"Sweep({result.case}, ").removesuffix(")"),
-        "numeric": re.compile(r"[-+]?[.\d]+(e[-+]?\d+)?|-").fullmatch,
         "heads": heads,
         "rows": rows,
         "reasons": _reasons(result),
@@ -63,7 +60,7 @@ def _page(result: Sweep) -> str:
         f"{result.case} {DASH} sweep",
         PageSection("sweep/header.html.j2", context),
         [PageSection(name, context) for name in ("sweep/points.html.j2", "figures.html.j2", "provenance.html.j2")],
-        script=Script(("chart.js", "linkage.js", "mover.js"), data),
+        script=charts(drawn),
         skip_to="the points",
         footer=f"All values come from {result.file} beside this page, which needs no network.",
     )

@@ -15,6 +15,27 @@ const GLYPHS = {
   pivot: (r) => `m0 0l${r} ${1.5 * r}h${-2 * r}z`,
 };
 
+// Where a label may stand beside its point: how far to the right (or left, or in the middle over it), its base line
+// below the point, and what that costs.
+const places = (aside, over, under, line) => Array.from({length: 14}, (_, k) => k).flatMap((k) => {
+  const rows = [[-over - line * k, 4 * k], [under + line * k, 4 * k + 1], ...(k ? [] : [[4, 3]])];
+  return rows.flatMap(([row, cost]) => [0, 14, 30, 50].flatMap((more) => [[aside + Math.sign(aside) * more, row, cost + more / 5], [-aside - Math.sign(aside) * more, row, cost + more / 5 + 0.5]]).concat([[0, row + (row < 0 ? -4 : 2), cost + 2 + 9 * (row === 4)]]));
+});
+const PEAK_PLACES = places(9, 8, 18, 13), JOINT_PLACES = places(-11, 10, 20, 15);
+
+// Points along lines some pixels from each other, one where several meet.
+function between(lines) {
+  const found = new Map();
+  for (const at of lines) at.slice(1).forEach((q, i) => {
+    const p = at[i], n = p && q ? Math.min(300, Math.ceil(Math.hypot(q[0] - p[0], q[1] - p[1]) / 4)) : 0;
+    for (let k = 0; k < n; k++) {
+      const point = [p[0] + ((q[0] - p[0]) * k) / n, p[1] + ((q[1] - p[1]) * k) / n];
+      found.set(point.map((v) => Math.round(v / 4)).join(), point);
+    }
+  });
+  return [...found.values()];
+}
+
 function make(namespace, tag, attributes = {}, parent = null, text = null) {
   const found = namespace ? document.createElementNS(namespace, tag) : document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) found.setAttribute(name, value);
@@ -194,24 +215,37 @@ class Chart {
     this.markLine = svg("path", {class: "mark"}, area);
     if (this.marked !== null) this.mark(this.marked);
     for (const s of this.shown()) this.drawSeries(s, area, x, y);
-    this.labelled = [];
-    const named = this.shown().flatMap((s) => (s.labels ?? []).map((name, i) => [name, x(s.x[i]), y(s.y[i]), s.mark === "marker"]));
-    for (const one of named.sort((a, b) => a[2] - b[2])) this.label(...one, area);
+    this.labels(area, x, y);
     this.over = svg("g", {}, this.svg);
     this.listen();
     if (active) this.svg.focus({preventScroll: true});
   }
 
-  // A name beside a joint, or what a peak is; within the area, each below those of higher places.
-  label(name, px, py, peak, area) {
-    const {x, y} = this.scales, room = (peak ? 6.2 : 8.6) * name.length + 12;
-    const starts = peak ? px + room < x.end : px - room < x.start;
-    let up = py - (peak ? 8 : 10);
-    if (up < y.end + 12) up = py + 18;
-    const [from, to] = starts ? [px + 8, px + room] : [px - room, px - 8];
-    for (const other of this.labelled) if (other.from < to && from < other.to) up = Math.max(up, other.up + 14);
-    this.labelled.push({from, to, up});
-    svg("text", {x: px + (starts ? 8 : peak ? -8 : -11), y: up, "text-anchor": starts ? "start" : "end", class: peak ? "peak" : "label"}, area, name);
+  // Names of joints, and what peaks are: within the area, where they cover least of curves, markers and each other, a
+  // peak's below that of a higher one beside it.
+  labels(area, x, y) {
+    const points = this.shown().map((s) => ({s, at: s.x.map((v, i) => (known(v) && known(s.y[i]) ? [x(v), y(s.y[i])] : null))}));
+    const marks = points.filter(({s}) => ["marker", "joint", "pivot"].includes(s.mark)).flatMap(({at}) => at.filter(Boolean));
+    const curves = marks.length && this.shown().some((s) => s.mark === "marker") ? between(points.filter(({s}) => ["line", "dashed"].includes(s.mark)).map(({at}) => at)) : [];
+    const named = points.flatMap(({s, at}) => (s.labels ?? []).map((name, i) => ({name, at: at[i], peak: s.mark === "marker"})));
+    const inside = ({at}) => at && at[0] >= x.start - 1 && at[0] <= x.end + 1 && at[1] >= y.end - 1 && at[1] <= y.start + 1;
+    const placed = [];
+    for (const {name, at: [px, py], peak} of named.filter(inside).sort((a, b) => a.at[1] - b.at[1])) {
+      const text = svg("text", {class: peak ? "peak" : "label"}, area, name), wide = text.getComputedTextLength();
+      let best = {cost: Infinity};
+      for (const [side, up, away] of peak ? PEAK_PLACES : JOINT_PLACES) {
+        const left = Math.max(x.start + 2, Math.min(px + side - (side < 0 ? wide : side ? 0 : wide / 2), x.end - wide - 2)), base = py + up;
+        const box = {left, right: left + wide, top: base - 11, base, low: base + 3, px};
+        const over = ([u, v], spare) => u > box.left - spare && u < box.right + spare && v > box.top - spare && v < box.low + spare;
+        const near = placed.filter((o) => (o.left < box.right + 3 && box.left < o.right + 3) || Math.abs(o.px - px) < 40);
+        const hit = near.filter((o) => o.left < box.right + 3 && box.left < o.right + 3 && Math.abs(base - o.base) < 13).length, above = near.filter((o) => peak && base <= o.base).length;
+        const out = box.top < y.end || box.low > y.start;
+        const cost = away + 5000 * out + 500 * hit + 60 * above + 120 * marks.filter((at) => over(at, 5)).length + 3 * curves.filter((at) => over(at, 1)).length;
+        if (cost < best.cost) best = {cost, box};
+      }
+      placed.push(best.box);
+      for (const [key, value] of [["x", best.box.left], ["y", best.box.base]]) text.setAttribute(key, value.toFixed(1));
+    }
   }
 
   axes(x, y, width, height) {
@@ -230,7 +264,7 @@ class Chart {
     }
     svg("path", {d: `M${x.start} ${y.end}V${y.start}H${x.end}`, class: "axis"}, this.svg);
     if (this.panelled) return void (powers[1] && svg("text", {x: x.start + 4, y: 11, class: "title"}, this.svg, `×10${superscript(powers[1])}`));
-    const title = (axis, power) => `${axis.label} (${power ? `10${superscript(power)} ` : ""}${axis.unit})`;
+    const title = (axis, power) => [axis.label, ...(power || axis.unit ? [`(${power ? `10${superscript(power)} ` : ""}${axis.unit})`] : [])].join(" ");
     svg("text", {x: (x.start + x.end) / 2, y: height - 8, "text-anchor": "middle", class: "title"}, this.svg, title(this.figure.x, powers[0]));
     const middle = (y.start + y.end) / 2, aside = width < 480 ? 10 : 13;
     svg("text", {x: aside, y: middle, "text-anchor": "middle", transform: `rotate(-90 ${aside} ${middle})`, class: "title"}, this.svg, title(this.figure.y, powers[1]));
@@ -419,7 +453,7 @@ function tabulate(details, figure) {
   const head = html("tr", {}, html("thead", {}, table)), body = html("tbody", {}, table);
   const cell = (row, value) => html("td", {}, row, number(value, 6));
   if (figure.kind === "curves") {
-    html("th", {scope: "col"}, head, `${figure.x.label} (${figure.x.unit})`);
+    html("th", {scope: "col"}, head, [figure.x.label, figure.x.unit && `(${figure.x.unit})`].join(" "));
     for (const s of series) html("th", {scope: "col"}, head, `${s.name} (${figure.y.unit})`);
     for (const x of [...new Set(series.flatMap((s) => s.x))].filter(known).sort((a, b) => a - b)) {
       const row = html("tr", {}, body);

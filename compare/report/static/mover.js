@@ -3,8 +3,7 @@
 "use strict";
 
 const SECONDS = 4; // of one way through the motion as it opens
-const ARROW = 0.25; // of the drawing's height: the largest reaction
-const ROOM = 0.2; // of the linkage's size, around it for arrows
+const ARROW = 0.25; // of the linkage's height, or of 0.6 of its width: the largest reaction
 
 class Mover {
   constructor(root, data, onMove) {
@@ -24,6 +23,7 @@ class Mover {
       this.magnify(Number((10 ** Number(this.factor.value)).toPrecision(2)));
       this.draw();
     });
+    new ResizeObserver(() => this.spreadRims()).observe(this.find("rims"));
     this.choose();
   }
 
@@ -46,9 +46,10 @@ class Mover {
   magnify(times) {
     this.times = times;
     const poses = this.run.x.flatMap((_, i) => [this.linkage.pose(this.run.ideal, i), ...this.run.sides.map((side) => this.pose(side, i))]);
-    const frame = this.linkage.frame(poses, Object.keys(this.run.forces).length ? ROOM : undefined);
-    this.height = frame.y[1] - frame.y[0];
-    this.chart.options.range = frame;
+    const frame = this.linkage.frame(poses);
+    this.height = Math.max(frame.y[1] - frame.y[0], 0.6 * (frame.x[1] - frame.x[0]));
+    const arrows = this.run.x.flatMap((_, i) => this.arrows(this.pose(this.run.sides[0], i), i)), around = (axis) => extent([...frame[axis], ...arrows.flatMap((a) => a[axis])], 0);
+    this.chart.options.range = {x: around("x"), y: around("y")};
     this.paths = this.pinPaths();
   }
 
@@ -120,10 +121,7 @@ class Mover {
     const gaps = Object.fromEntries(Object.entries(clearance).map(([joint, c]) => [joint, c * this.times]));
     const posed = sides.filter((side) => this.shows(side.which)).map((side) => ({...side, pose: this.pose(side, i)})).filter((side) => side.pose);
     for (const {pose, name, role} of posed) series.push(...this.linkage.drawn(pose, name, role, gaps));
-    if (posed.length && this.shows("forces")) {
-      const [{pose}] = posed;
-      series.push(...this.data.parts.joints.flatMap((joint) => this.arrow(joint, pose, i)), ...this.run.loads.flatMap((load) => this.pushed(load, pose, i)));
-    }
+    if (posed.length && this.shows("forces")) series.push(...this.arrows(posed[0].pose, i));
     this.chart.update(this.figure(series));
     const said = `${number(x[i])} ${unit}`;
     this.find("value").textContent = said;
@@ -138,6 +136,11 @@ class Mover {
     const told = readout.slice(0, 4).map((r, k) => `${r.label}: ${columns.slice(0, 2).map((column, c) => `${column.says} ${cells[k][c]}`.trim()).join(", ")} ${r.unit}`);
     if (!this.playing) this.find("live").textContent = `${label} ${said}. ${flag} ${told.join("; ")}.`;
     this.onMove(x[i], unit);
+  }
+
+  // Reactions and loads.
+  arrows(pose, i) {
+    return pose ? [...this.data.parts.joints.flatMap((joint) => this.arrow(joint, pose, i)), ...this.run.loads.flatMap((load) => this.pushed(load, pose, i))] : [];
   }
 
   // The force on a joint's second body, from the joint on; a slide's from its block.
@@ -189,6 +192,13 @@ class Mover {
       const drawing = svg("svg", {viewBox: `${-half} ${-half} ${2 * half} ${2 * half}`, role: "img"}, box);
       return {joint, radius, drawing};
     });
+    this.spreadRims();
+  }
+
+  // As many circles in each row.
+  spreadRims() {
+    const place = this.find("rims"), rows = Math.ceil((this.rims.length * 92) / Math.max(place.clientWidth, 92));
+    place.style.gridTemplateColumns = `repeat(${Math.ceil(this.rims.length / rows) || 1}, minmax(0, 8rem))`;
   }
 
   drawRims(i) {
@@ -222,6 +232,7 @@ class Mover {
 
 // ---------------------------------------------------------------------- the page
 
+document.documentElement.classList.add("ready");
 const data = JSON.parse(document.getElementById("data").textContent);
 const charts = figuresOf(document, data.figures);
 const root = document.getElementById("mover"), close = document.querySelector("[data-close]");
@@ -230,4 +241,3 @@ close?.addEventListener("change", () => charts.filter((c) => c.panelled).forEach
   c.options.close = close.checked;
   c.reset();
 }));
-document.documentElement.classList.add("ready");
