@@ -295,6 +295,24 @@ def test_a_run_that_is_proposed_is_read_back_with_its_loads(loads: tuple[Load, .
     assert (entry.drive_speed, entry.drive_angle, entry.loads) == (run.speed, run.angle, loads)
 
 
+@pytest.mark.long_rows("coupler")
+@pytest.mark.parametrize(("body", "share"), [("follower", -0.2), ("follower", 0.05), ("coupler", -0.2)])
+def test_a_link_of_another_mass_is_told_as_that(body: str, share: float) -> None:
+    """A lighter one was told as a false bias of a force sensor, a centre of mass and an inertia, each for certain."""
+    sensors = {"crank_angle": 5e-4, "follower_angle": 5e-4, "drive_torque": 5e-3}
+    cell = {"reaction_E_x": 0.02, "reaction_E_y": 0.02}
+    rig = experiment(turn("slow", 4.0), turn("fast", 11.0), turn("reverse", -6.0), sensors=sensors | cell)
+    own = rig.nominal.moving[body]
+    about = {"com": (own.centre.real, own.centre.imag), "inertia": (1 + share) * own.moment_of_inertia}
+    real = replace(rig, nominal=rig.nominal.with_body(body, mass=(1 + share) * own.mass, **about))
+    result = diagnosed(rig.measured(readings(real)))
+    effect = one(result)
+    assert (effect["name"], effect["where"], result["verdict"]) == ("body_mass", body, "explained")
+    error = effect["parameters"]["mass_error"]
+    assert error["low"] < share * own.mass < error["high"]
+    assert error["high"] - error["low"] < 0.02 * own.mass
+
+
 @pytest.mark.slow
 def test_a_sensor_that_is_proposed_comes_with_the_noise_that_it_may_have() -> None:
     """A pendulum's period has the ratio of its moment of weight to its inertia; the force in its pivot has more."""

@@ -334,6 +334,7 @@ SENTENCES = {  # of a value, of its negative, and what both begin with
         "the moment of inertia of the follower is 0.02 kg·m² larger than modelled",
         "0.02 kg·m² smaller than modelled",
     ),
+    "body_mass.mass_error": ("the follower is 20 g heavier than modelled", "20 g lighter than modelled"),
     "link_length.length_error": ("the follower is 20 mm longer than drawn", "20 mm shorter than drawn"),
     "pivot_position.x": (
         "the ground pivot E sits 20 mm to the right from where it is drawn",

@@ -198,6 +198,41 @@ class MomentOfInertia(Effect):
         return Growth(lambda a: {"inertia_error": a * draw.sign * own}, 3.0 if draw.sign > 0 else 0.8)
 
 
+class BodyMass(Effect):
+    """A body that is heavier or lighter throughout than the model's: its moment of inertia goes with its mass, and its
+    centre of mass stays.
+    """
+
+    name = "body_mass"
+    place = "body"
+    limited = True
+    label = "an error in the mass of the {}"
+    meaning = "the mass of the {} is off"
+    found = "the {} is {}"
+    hiding = Hiding(sets=None)
+    parameters = (Parameter("mass_error", "kg", "mass", more="heavier than modelled", less="lighter than modelled"),)
+    special_case_of = ("payload",)
+
+    def places(self, rig: Rig) -> Sequence[str]:
+        return [b.name for b in rig.mechanism.bodies if b.mass]
+
+    def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
+        return (1e-2 * body_of(rig.mechanism, where).mass,)
+
+    def lowest(self, rig: Rig, where: str, variant: float = 0.0) -> np.ndarray:
+        return np.array([-body_of(rig.mechanism, where).mass])
+
+    def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
+        body = body_of(mechanism, where)
+        mass = body.mass + values["mass_error"]
+        inertia = body.moment_of_inertia * mass / body.mass
+        return mechanism.with_body(where, **_pinned(body) | {"mass": mass, "inertia": inertia})
+
+    def growth(self, rig: Rig, where: str, draw: Draw) -> Growth:
+        mass = body_of(rig.mechanism, where).mass
+        return Growth(lambda a: {"mass_error": a * draw.sign * mass}, 1.0 if draw.sign > 0 else 0.8)
+
+
 class LinkLength(EachRun):
     """A link that is longer or shorter: its last named point moves along its x axis; com, marker and inertia stay."""
 
@@ -301,6 +336,7 @@ EFFECTS: tuple[Effect, ...] = (
     Payload(),
     ComOffset(),
     MomentOfInertia(),
+    BodyMass(),
     LinkLength(),
     PivotPosition(),
 )

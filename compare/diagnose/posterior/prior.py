@@ -37,6 +37,7 @@ NATURAL: Mapping[str, float | tuple[float, ...]] = {
     "payload": (100.0, 1.0, 1.0),  # the body's own mass; a third of its length off its centre
     "com_offset": 100.0,  # a tenth of the longest link
     "moment_of_inertia": 100.0,  # as large as the body's own
+    "body_mass": 10.0,  # a tenth of the body's mass: computed, not weighed
     "link_length": 1000.0,  # 1 % of the longest link
     "pivot_position": 1000.0,  # the same
     "joint_clearance": 20.0,  # 0.4 % of the longest link
