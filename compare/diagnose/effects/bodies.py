@@ -200,7 +200,7 @@ class MomentOfInertia(Effect):
 
 class BodyMass(Effect):
     """A body that is heavier or lighter throughout than the model's: its moment of inertia goes with its mass, and its
-    centre of mass stays.
+    centre of mass stays.  Of a single body that is the scale of all forces, which no motion tells, and a gain does.
     """
 
     name = "body_mass"
@@ -214,7 +214,8 @@ class BodyMass(Effect):
     special_case_of = ("payload",)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [b.name for b in rig.mechanism.bodies if b.mass]
+        moving = rig.mechanism.bodies
+        return [b.name for b in moving if b.mass] if len(moving) > 1 else []
 
     def scales(self, rig: Rig, where: str, variant: float = 0.0) -> Sequence[float]:
         return (1e-2 * body_of(rig.mechanism, where).mass,)
