@@ -650,7 +650,7 @@ def test_settings_and_shortcomings_of_the_engines_are_said(page: str, explained:
     steps = "0.0001 in slow-forward, 0.0002 in slow-reverse, 0.0003 in load-reversed"
     for row in (("mujoco", "step", steps), ("mujoco", "contact law", "linear spring")):
         assert f"| {' | '.join(row)} |" in text
-        assert '<tr><th scope="row">{}</th><td>{}</td><td class="words">{}</td></tr>'.format(*row) in page
+        assert re.search("<tr><th[^>]*>{}</th><td[^>]*>{}</td><td[^>]*>{}</td></tr>".format(*map(re.escape, row)), page)
     assert "has no coulomb_friction@B: got the difference that the analytic model makes of it" in page
 
 
@@ -845,7 +845,7 @@ def test_what_the_data_leave_open_of_a_direction_is_not_told_as_a_size(partly: d
 def test_a_sensor_with_a_zero_in_each_run_is_one_sentence_and_a_table(partly: dict[str, Any]) -> None:
     html = diagnosis_html(as_document(partly))
     assert "Each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much." in html
-    assert re.search(r'<tr><th scope="row">slow-reverse</th><td class="number">3\.600 deg</td>', html)
+    assert re.search(r"<tr><th[^>]*>slow-reverse</th><td[^>]*>3\.600 deg</td>", html)
     assert "In the validation runs it was not applied, as there is no value for it." in html
     lines = terminal_lines(as_document(partly))
     assert "missing: each run has its own encoder zero, 1.7 deg too little to 3.6 deg too much" in lines

@@ -28,8 +28,9 @@ REPEATS = 0.1  # the same of the rig's effects: a joint that warms up, a clamp t
 RICHER = 0.1  # of its simple form: a law with further parameters
 SCATTERING = 0.1  # of others: what only scatters looks like noise that is larger than thought
 
-ALONE = 0.5  # of what has a direction, that it is along one axis alone: a height is off, and nothing across
-DIRECTED = {"pivot_position", "com_offset", "external_force"}
+ALONE = 0.5  # of what has coordinates that may be there alone, that one is: a height is off, and nothing across
+# how many of its coordinates may: of what has a direction each, of a payload its mass, at the centre of the body's
+DIRECTED = {"pivot_position": 2, "com_offset": 2, "external_force": 2, "payload": 1}
 
 # natural size (1 sigma) of each natural coordinate, in the small amounts that the effect itself states (``scales``)
 NATURAL: Mapping[str, float | tuple[float, ...]] = {
@@ -133,8 +134,8 @@ class Prior:
 
     def along(self, term: Term) -> dict[tuple[int, ...], float]:
         """Which coordinates a term may have, () of all, with the log of how likely that is of one that is there."""
-        count = self.size(term).size if term.effect.name in DIRECTED else 1
-        if count == 1:
+        count = DIRECTED.get(term.effect.name, 0)
+        if not count:
             return {(): 0.0}
         return {(): math.log(1 - ALONE)} | {(k,): math.log(ALONE / count) for k in range(count)}
 
