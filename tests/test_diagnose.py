@@ -298,8 +298,8 @@ def test_a_run_that_is_proposed_is_read_back_with_its_loads(loads: tuple[Load, .
 @pytest.mark.long_rows("coupler")
 @pytest.mark.parametrize(("body", "share"), [("follower", -0.2), ("follower", 0.05), ("coupler", -0.2)])
 def test_a_link_of_another_mass_is_told_as_that(body: str, share: float) -> None:
-    """A lighter one was told as a false bias of a force sensor, a centre of mass and an inertia, each for certain.  Of a
-    little more, a payload at the centre of mass does nearly as well.
+    """A lighter one was told as a false bias of a force sensor, a centre of mass and an inertia, each for certain.
+    Of a little more, a payload at the centre of mass does nearly as well.
     """
     sensors = {"crank_angle": 5e-4, "follower_angle": 5e-4, "drive_torque": 5e-3}
     cell = {"reaction_E_x": 0.02, "reaction_E_y": 0.02}
