@@ -12,6 +12,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -483,9 +484,14 @@ def test_validity_says_joints_and_takes_at_as_before(tmp_path: Path) -> None:
 
 def test_parts_take_what_is_written_with_its_unit_as_a_file_does() -> None:
     """Lengths, masses, angles and speeds of parts made in Python, alone and within a mechanism that is changed."""
-    rod = lc.Body(name="rod", points={"A": ("0 mm", 0), "B": ("50 mm", "1 m")}, mass="500 g")  # type: ignore[arg-type,dict-item]
+    rod = lc.Body(
+        name="rod",
+        points={"A": ("0 mm", 0), "B": ("50 mm", "1 m")},  # type: ignore[dict-item]
+        mass="500 g",  # type: ignore[arg-type]
+    )
     assert (rod.mass, rod.points["B"]) == (0.5, (0.05, 1.0))
-    slide = lc.Joint(name="C", type="prismatic", bodies=("a", "b"), axis=(1, 0), damping="2 N.s/mm")  # type: ignore[arg-type]
+    between: Any = {"name": "C", "type": "prismatic", "bodies": ("a", "b"), "axis": (1, 0)}
+    slide = lc.Joint(**between, damping="2 N.s/mm")  # type: ignore[arg-type]
     assert slide.damping == pytest.approx(2000.0)
     spring = lc.Spring(bodies=("a", "b"), points=("A", "B"), stiffness="2 N/mm")  # type: ignore[arg-type]
     assert spring.stiffness == pytest.approx(2000.0)

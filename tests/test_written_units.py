@@ -41,6 +41,7 @@ from compare.questions.option import (
     ByJoint,
     Clearances,
     GridError,
+    Part,
     Places,
     Seconds,
     Speeds,
@@ -311,7 +312,10 @@ def test_one_clearance_is_every_pins_and_no_slides() -> None:
     ("kind", "word", "bare"),
     [
         (Angles(), "0 deg:1.5 rad:0.25 rad", f"0:{math.degrees(1.5)!r}:{math.degrees(0.25)!r}"),
+        (Angles(), "0:1.5:0.25 rad", f"0:{math.degrees(1.5)!r}:{math.degrees(0.25)!r}"),
         (Times(), "0 ms:500 ms:50 ms", "0:0.5:0.05"),
+        (Times(), "0:500:50ms", "0:0.5:0.05"),
+        (Part(), "99 %", "0.99"),
         (Places(), "-10 cm:100 mm:5,0:0.2 m:3", "-0.1:0.1:5,0:0.2:3"),
         (Angle(), "0.5 rad", repr(math.degrees(0.5))),
         (Seconds(), "2 min", "120"),
@@ -326,6 +330,13 @@ def test_ranges_and_lists_of_a_command_are_typed_with_units_too(kind: ArgumentKi
 def test_a_range_of_another_dimension_is_refused_with_what_is_wrong(kind: ArgumentKind[str], word: str) -> None:
     with pytest.raises(GridError, match=r"give start:stop:step in .*; it has unit .* give it in"):
         kind.parse(word, "it")
+
+
+def test_what_begins_or_goes_on_without_its_unit_is_not_guessed() -> None:
+    with pytest.raises(GridError, match="several units, deg and rad, and a number without one; give each its own"):
+        Angles().parse("0:1.5 rad:10 deg", "it")
+    with pytest.raises(ArgumentError, match="give more than 0% and no more than 100%"):
+        Part().parse("99% or so", "it")
 
 
 def test_an_encoder_s_step_is_an_angle_or_a_length_as_its_joint_turns_or_slides() -> None:

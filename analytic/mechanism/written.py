@@ -252,6 +252,15 @@ def _read(value: Any, unit: str, called: str) -> Any:
     return value if found is None else found
 
 
+def one_unit(parts: Sequence[str]) -> list[str]:
+    """Numbers of which all have the unit that some are written with.  Raises UnitError where these have several."""
+    written = [None if BARE.fullmatch(part) else NUMBER.fullmatch(part) for part in parts]
+    units = sorted({each[2] for each in written if each})
+    if len(units) > 1 and not all(written):
+        raise UnitError(f"several units, {' and '.join(units)}, and a number without one; give each its own")
+    return [part if each or not units else f"{part} {units[0]}" for part, each in zip(parts, written, strict=True)]
+
+
 def quantity(text: str, unit: str) -> float | None:
     """A number that is written with its unit, in this SI unit, or as it is where there is none; None of what is no
     number with a unit.  Raises UnitError.

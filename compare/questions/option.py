@@ -190,16 +190,27 @@ class Angle(ArgumentKind[str]):
         return _amount(word, "rad", called, remedy, math.radians)
 
 
-class AboveZero(RealNumber):
-    """A number above 0."""
+class AboveZero(ArgumentKind[str]):
+    """A number above 0, in an SI ``unit`` or with its own, if it has one."""
 
     accepted: ClassVar[str] = "a number above 0"
+    unit: ClassVar[str] = ""
+
+    def parse(self, word: str, called: str) -> float:
+        return _amount(word, self.unit, called, f"give {self.accepted}")
 
     def check(self, given: object, called: str) -> float:
         """More than nothing."""
         if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
             return float(given)
         raise unusable(called, given, self.accepted)
+
+
+class Seconds(AboveZero):
+    """A stretch of time, in seconds or with its unit."""
+
+    accepted: ClassVar[str] = "a number of seconds above 0"
+    unit: ClassVar[str] = "s"
 
 
 class Part(ArgumentKind[str]):
@@ -209,9 +220,8 @@ class Part(ArgumentKind[str]):
 
     def parse(self, word: str, called: str) -> float:
         """The part as a number up to 1."""
-        number, percent, _ = word.partition("%")
         try:
-            return float(number) / (100 if percent else 1)
+            return float(word[:-1]) / 100 if word.endswith("%") else float(word)
         except ValueError:
             raise unusable(called, word, self.accepted) from None
 
@@ -222,21 +232,6 @@ class Part(ArgumentKind[str]):
         value = self.parse(given, called) if isinstance(given, str) else given
         if isinstance(value, Real) and not isinstance(value, bool) and 0 < float(value) <= 1:
             return float(value)
-        raise unusable(called, given, self.accepted)
-
-
-class Seconds(ArgumentKind[str]):
-    """A stretch of time, in seconds or with its unit."""
-
-    accepted: ClassVar[str] = "a number of seconds above 0"
-
-    def parse(self, word: str, called: str) -> float:
-        return _amount(word, "s", called, f"give {self.accepted}")
-
-    def check(self, given: object, called: str) -> float:
-        """More than nothing."""
-        if isinstance(given, Real) and not isinstance(given, bool) and 0 < float(given) < math.inf:
-            return float(given)
         raise unusable(called, given, self.accepted)
 
 
@@ -603,11 +598,13 @@ def listed_once(text: str, called: str) -> list[str]:
 def _range(
     option: str, word: str, example: str, unit: str, converted: Callable[[float], float] = float
 ) -> tuple[float, float, float]:
-    """Start, stop and step of a range, as they are where no unit is written with one, else ``converted`` from this SI
-    unit.  Raises GridError.
+    """Start, stop and step of a range, as they are where no unit is written, else ``converted`` from this SI unit: one
+    unit is that of all three.  Raises GridError.
     """
+    from analytic.mechanism.written import one_unit
+
     try:
-        start, stop, step = _amounts(word.split(":"), unit, converted)
+        start, stop, step = _amounts(one_unit(word.split(":")), unit, converted)
     except ValueError as error:
         raise GridError(f"{option} {word}: give start:stop:step in {example}{_of_unit(error)}") from None
     return start, stop, step
