@@ -7,7 +7,8 @@ The torque at an angle q and a rate w is taken to be
     a_0 + a_1 cos q + a_2 sin q + a_3 cos 2q + a_4 sin 2q + a_5 sign w + a_6 w / W + a_7 w |w| / W^2 + u(t),
 
 W the rms rate of the fitted swings.  The a, the same in all swings, are normal with mean zero and one standard
-deviation; u is steady over a length of time, independent from one to the next, and has another.  With B(t) (2, 2), what
+deviation; u is steady over a length of time, independent from one to the next, and has another.  A law that values
+found do themselves, as damping does a_6, has their names already and is none of these.  With B(t) (2, 2), what
 angle and rate at the start change of those at t, and the inertia M(t), a torque f(t) does to first order what a change
 of the start would do that grows as
 
@@ -26,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from compare.diagnose.mixture import Discrepancy
 
@@ -34,6 +36,7 @@ FEWEST = 4  # samples of a length
 SIZES = np.geomspace(1e-2, 1e7, 46)  # of a standard deviation, in what all torques of its kind together are known to
 LAWS = 8  # of the state
 RIDGE = 1e-9  # of a normalised column's square
+SAME = 1e-4  # of a law's column: errors of the columns of values that do exactly what it does
 LOST = 1e-6  # of the start's changes: motions that have come to rest together
 
 
@@ -61,23 +64,26 @@ class Swing:
         begins = length * np.arange(max(1, math.ceil(since[-1] / length - 1e-9)))
         within = np.clip(since, begins[:, None], begins[:, None] + length)
         whole = self._grown(np.ones(since.size))
-        parts = [np.interp(within, since, each) - np.interp(begins, since, each)[:, None] for each in whole]
-        return np.einsum("irn,ikn->krn", self.start, np.array(parts))
+        return np.einsum("irn,ikn->krn", self.start, whole(within) - whole(begins)[..., None])
 
     def laws(self, pace: float) -> np.ndarray:
         """What 1 N.m of each law of the state changes of the readings (LAWS, R, N), W being a pace (rad/s)."""
         q, w = self.state[0], self.state[1] / pace
         told = (np.ones(q.size), np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q), np.sign(w), w, w * np.abs(w))
-        return np.array([np.einsum("irn,in->rn", self.start, self._grown(each)) for each in told])
+        since = self.time - self.time[0]
+        return np.array([np.einsum("irn,in->rn", self.start, self._grown(each)(since)) for each in told])
 
-    def _grown(self, torque: np.ndarray) -> np.ndarray:
-        """The change of the start (2, N) that a torque (N,) N.m has grown to: c."""
+    def _grown(self, torque: np.ndarray) -> CubicSpline:
+        """The change of the start (2,) that a torque (N,) N.m has grown to since the start: c.
+
+        A value found can do exactly what a law does.  To tell them apart by an error of this integral would be to know
+        both, so it is one of a smooth course through the samples.
+        """
         (a, b), (c, d) = self.motion
         whole = a * d - b * c
         there = np.abs(whole) > LOST
         kick = np.array([-b, a]) * there / np.where(there, whole, 1.0) * torque / self.inertia
-        areas = (kick[:, 1:] + kick[:, :-1]) / 2 * np.diff(self.time)
-        return np.concatenate([np.zeros((2, 1)), np.cumsum(areas, axis=1)], axis=1)
+        return CubicSpline(self.time - self.time[0], kick, axis=1).antiderivative()
 
 
 @dataclass(frozen=True)
@@ -150,9 +156,21 @@ def _of_length(swings: Sequence[Fitted], length: float) -> tuple[float, Stray]:
     rows, wanted = _weighted(blocks, residuals, variances)
     starts = np.linalg.qr(rows[:, :free])[0]
     rows, wanted = (each - starts @ (starts.T @ each) for each in (rows[:, free:], wanted))
-    log, size, mean, covariance = _sized(rows, wanted, laws, len(swings[0].swing.values))
+    values = np.arange(laws, laws + len(swings[0].swing.values))
+    at = np.append(np.flatnonzero(_unmade(rows[:, :laws], rows[:, values])), values)
+    own = np.concatenate([rows[:, at], rows[:, values.size + laws :]], axis=1)
+    log, size, told, spread = _sized(own, wanted, at.size - values.size, values.size)
+    mean, covariance = np.zeros(laws + values.size), np.zeros((laws + values.size, laws + values.size))
+    mean[at], covariance[np.ix_(at, at)] = told, spread
     log -= 0.5 * sum(np.isfinite(r).sum() * math.log(v) for r, v in zip(residuals, variances, strict=True))
     return log, Stray(size, length, pace, fastest, mean, covariance)
+
+
+def _unmade(laws: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Which laws (k,), of these columns (N, k), no values do, of these (N, m)."""
+    by = values / (np.linalg.norm(values, axis=0) + 1e-300)
+    left = laws - by @ np.linalg.lstsq(by, laws, rcond=RIDGE)[0]
+    return np.asarray(np.linalg.norm(left, axis=0) >= SAME * np.linalg.norm(laws, axis=0))
 
 
 def _columns(swings: Sequence[Fitted], length: float, pace: float) -> tuple[list[np.ndarray], int, int]:
