@@ -14,12 +14,10 @@ from analytic.mechanism import MASS_CENTRE, Drive, Load, Mechanism
 from analytic.mechanism.file import load
 from analytic.paper.clearance import Model, displaced
 from analytic.paper.compliance import compliance
-from analytic.paper.frame import ElasticBar, beam_stiffness
 from analytic.paper.kinetostatics import joint_law, kinetostatics
 from asked import request_of
 from linkages import inverted_slider
 from sim_models.engine import Motion, SimulationError, Unsupported, engine
-from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beam_motion import RigidMotion
 from sim_models.exudyn.beams import flexible
 from sim_models.run.path import CrankPath
@@ -28,7 +26,6 @@ from tests.evidence.validation.beam_equilibrium import FlexibleLinkage, flexible
 pytestmark = pytest.mark.exudyn
 
 POINTS = (("crank", "A"), ("coupler", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
-ELEMENTS: tuple[Element, ...] = ("euler-bernoulli", "timoshenko")
 
 
 def with_force(size: float) -> Mechanism:
@@ -39,24 +36,9 @@ def displacements(found: FlexibleLinkage) -> np.ndarray:
     return np.array([found.displacement[point] for point in POINTS])
 
 
-def shear_beam(bar: ElasticBar) -> np.ndarray:
-    """Planar part of Timoshenko's beam (Przemieniecki, section 5.6, with shear; factor 5/6), the rest as
-    without shear.
-    """
-    k = beam_stiffness(bar)
-    e, length = bar.youngs_modulus * bar.i_z, bar.length
-    phi = 12 * e / (5 / 6 * bar.shear_modulus * bar.area * length**2)
-    a, b, c = 6 * length, (4 + phi) * length**2, (2 - phi) * length**2
-    k[np.ix_([1, 5, 7, 11], [1, 5, 7, 11])] = (
-        e / (length**3 * (1 + phi)) * np.array([[12, a, -12, a], [a, b, -a, c], [-12, -a, 12, -a], [a, c, -a, b]])
-    )
-    return k
-
-
-def structural(mechanism: Mechanism, degrees: float, element: Element = "euler-bernoulli") -> np.ndarray:
+def structural(mechanism: Mechanism, degrees: float) -> np.ndarray:
     """Displacements (m) of the points by matrix structural analysis."""
-    beam = beam_stiffness if element == "euler-bernoulli" else shear_beam
-    found = compliance(kinematics(Assembly(mechanism), np.radians([degrees])), beam=beam)
+    found = compliance(kinematics(Assembly(mechanism), np.radians([degrees])))
     return np.array([found.displacement(*point)[0] for point in POINTS])
 
 
@@ -72,13 +54,10 @@ def apart(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.abs(a - b).max() / np.abs(b).max())
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("degrees", [20.0, 30.0, 60.0, 90.0, 130.0, 160.0])
-def test_small_loads_displace_beams_as_the_matrix_says(degrees: float, element: Element) -> None:
+def test_small_loads_displace_beams_as_the_matrix_says(degrees: float) -> None:
     m = with_force(0.5)
-    assert (
-        apart(displacements(flexible_static(m, np.radians(degrees), element)), structural(m, degrees, element)) < 1e-4
-    )
+    assert apart(displacements(flexible_static(m, np.radians(degrees))), structural(m, degrees)) < 1e-4
 
 
 def test_paper_case_at_30_degrees_is_the_independently_computed_one() -> None:
@@ -127,26 +106,23 @@ def test_the_coupler_bends_where_the_load_is_as_the_matrix_says(
         assert 100 * abs(beams - matrix) / abs(matrix) < percent
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_a_single_clamped_link_is_a_cantilever(element: Element) -> None:
+def test_a_single_clamped_link_is_a_cantilever() -> None:
     m = load("pendulum").with_body("pendulum", youngs_modulus=2e11, shear_modulus=0.8e11)
     force, length, inertia = 2.0, 0.3, 0.01**4 / 12
     m = m.replace(gravity=(0.0, 0.0), loads=(Load(body="pendulum", point="tip", force=(0.0, force)),))
-    found = flexible_static(m, 0.0, element)
+    found = flexible_static(m, 0.0)
     bending = force * length**3 / (3 * 2e11 * inertia)
-    shear = force * length / (5 / 6 * 0.8e11 * 1e-4) if element == "timoshenko" else 0.0
-    assert found.displacement["pendulum", "tip"].imag == pytest.approx(bending + shear, rel=1e-6)
+    assert found.displacement["pendulum", "tip"].imag == pytest.approx(bending, rel=1e-6)
     assert found.force["O"] == pytest.approx(-1j * force, abs=1e-6)
 
 
-@pytest.mark.parametrize("element", ELEMENTS)
-def test_a_torque_bends_a_clamped_link_into_a_circle(element: Element) -> None:
+def test_a_torque_bends_a_clamped_link_into_a_circle() -> None:
     m = load("pendulum").with_body("pendulum", youngs_modulus=2e11, shear_modulus=0.8e11)
     torque, length, stiffness = 5.0, 0.3, 2e11 * 0.01**4 / 12
     m = m.replace(gravity=(0.0, 0.0), loads=(Load(body="pendulum", point="tip", torque=torque),))
     turn = torque * length / stiffness
     tip = length / turn * (np.sin(turn) + 1j * (1 - np.cos(turn))) - length
-    assert flexible_static(m, 0.0, element).displacement["pendulum", "tip"] == pytest.approx(tip, abs=1e-5 * abs(tip))
+    assert flexible_static(m, 0.0).displacement["pendulum", "tip"] == pytest.approx(tip, abs=1e-5 * abs(tip))
 
 
 def test_reactions_and_drive_joint_without_joint_springs() -> None:
@@ -162,19 +138,18 @@ def test_reactions_and_drive_joint_without_joint_springs() -> None:
 
 # The superposition of Fig. 7c against clearance and compliance at once: bounds on its error, of the largest
 # displacement
-@pytest.mark.parametrize("element", ELEMENTS)
 @pytest.mark.parametrize("degrees", [30.0, 60.0, 120.0])
 @pytest.mark.parametrize(
     ("clearance", "with_equilibrium", "with_first_order"),
     [(1e-4, 5e-3, 5e-3), (1e-3, 1e-2, 1.5e-2), (1e-2, 1e-2, 6e-2)],
 )
 def test_superposition_of_clearance_and_compliance(
-    clearance: float, with_equilibrium: float, with_first_order: float, degrees: float, element: Element
+    clearance: float, with_equilibrium: float, with_first_order: float, degrees: float
 ) -> None:
     m = load("paper").with_clearances({"B": clearance})
-    both = flexible_static(m, np.radians(degrees), element, "contact")
+    both = flexible_static(m, np.radians(degrees), "contact")
     assert abs(both.gap["B"]) == pytest.approx(clearance, abs=2e-8)
-    elastic = structural(m, degrees, element)
+    elastic = structural(m, degrees)
     superposed = apart(elastic + of_clearance(m, degrees, "equilibrium"), displacements(both))
     assert superposed < with_equilibrium
     assert apart(elastic + of_clearance(m, degrees, "first_order"), displacements(both)) < with_first_order

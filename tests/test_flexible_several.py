@@ -30,7 +30,6 @@ from compare.judge.tolerances import load_tolerances
 from marks import slow
 from several_linkages import SHIPPED, TIMES, third_bar, waved
 from sim_models.engine import Request, SimulationError, Trace, Unsupported, engine
-from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beams import flexible
 from test_flexible import Softer
 
@@ -80,9 +79,9 @@ def analysed(m: Mechanism, elastic: bool = True) -> Signals:
     return (with_flexible_links(side, Assembly(m), schedule) if elastic else side).signals
 
 
-def beams(m: Mechanism, element: Element = "euler-bernoulli") -> Signals:
+def beams(m: Mechanism) -> Signals:
     model = "contact" if m.clearances else "ideal"
-    return flexible(request_of(m, model, "static", time=TIMES, courses=waved(m)), element).signals
+    return flexible(request_of(m, model, "static", time=TIMES, courses=waved(m))).signals
 
 
 def places(m: Mechanism, signals: Signals) -> np.ndarray:

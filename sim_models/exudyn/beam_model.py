@@ -6,12 +6,13 @@ import cmath
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Body, Joint, Mechanism, Spring
-from analytic.mechanism.bars import division, shear_modulus
+from analytic.mechanism.bars import division
 from analytic.mechanism.signals import turned_near
 from sim_models.common.start import AT_REST, Pose
 from sim_models.common.travel import travel
@@ -19,10 +20,7 @@ from sim_models.engine import Unsupported
 from sim_models.exudyn.linkage import DIFFERENCES
 from sim_models.exudyn.settings import static_settings
 
-Element = Literal["euler-bernoulli", "timoshenko"]
-
 SPAN_ELEMENTS = 4  # between two neighbouring points of a link; one is exact already for small displacements
-SHEAR_FACTOR = 5 / 6  # of a rectangular section
 ROUNDING_OF_BEAMS = (
     3e-16  # m: what a position of this size is rounded to, so that a spring's force wavers by it times its stiffness
 )
@@ -96,7 +94,6 @@ class BeamModel:
     def __init__(
         self,
         mechanism: Mechanism,
-        element: Element,
         clearance: Mapping[str, float],
         start: Mapping[str, Pose],
         loads: Loads,
@@ -106,7 +103,7 @@ class BeamModel:
         import exudyn.itemInterface as items
 
         self.exu: Any = exudyn
-        self.items, self.m, self.element, self.clearance, self.start = items, mechanism, element, clearance, start
+        self.items, self.m, self.clearance, self.start = items, mechanism, clearance, start
         self.held, self._springs = held, loads.springs
         self._initial = exudyn.ConfigurationType.Initial
         self.container = exudyn.SystemContainer()
@@ -176,11 +173,10 @@ class BeamModel:
         """Nodes of a straight beam, made of equal elements.  Beams that go on as one have none in common: a slope that
         two elements share would make them stretch alike, whatever pulls between them.
         """
-        step = 1 if self.element == "euler-bernoulli" else 2  # the exact beam has a node in the middle
-        stations = np.linspace(0, length, SPAN_ELEMENTS * step + 1)
+        stations = np.linspace(0, length, SPAN_ELEMENTS + 1)
         nodes = [self._node(start + x * direction, direction) for x in stations]
-        for k in range(0, len(nodes) - 1, step):
-            self._element(body, nodes[k : k + step + 1], length / SPAN_ELEMENTS)
+        for ends in pairwise(nodes):
+            self._element(body, [*ends], length / SPAN_ELEMENTS)
         return nodes
 
     def _weld(self, *sections: tuple[Any, complex]) -> None:
@@ -196,10 +192,6 @@ class BeamModel:
         )
 
     def _node(self, place: complex, direction: complex) -> Any:
-        if self.element == "timoshenko":
-            return self.mbs.AddNode(
-                self.items.NodeRigidBody2D(referenceCoordinates=[place.real, place.imag, cmath.phase(direction)])
-            )
         return self.mbs.AddNode(
             self.items.NodePoint2DSlope1(referenceCoordinates=[place.real, place.imag, direction.real, direction.imag])
         )
@@ -207,18 +199,13 @@ class BeamModel:
     def _element(self, body: Body, nodes: list[Any], length: float) -> None:
         height, depth = body.section
         modulus, area = body.youngs_modulus or 0.0, height * depth
-        common = {"nodeNumbers": nodes, "length": length, "massPerLength": body.mass / body.length}
         self._axial.append(modulus * area / length)
-        common |= {"bendingStiffness": modulus * depth * height**3 / 12, "axialStiffness": modulus * area}
-        if self.element == "euler-bernoulli":
-            self.mbs.AddObject(self.items.ObjectANCFCable2D(**common))
-        else:
-            inertia = body.mass / body.length * height**2 / 12
-            self.mbs.AddObject(
-                self.items.ObjectBeamGeometricallyExact2D(
-                    **common, crossSectionInertia=inertia, shearStiffness=SHEAR_FACTOR * shear_modulus(body) * area
-                )
+        self.mbs.AddObject(
+            self.items.ObjectANCFCable2D(
+                nodeNumbers=nodes, length=length, massPerLength=body.mass / body.length,
+                bendingStiffness=modulus * depth * height**3 / 12, axialStiffness=modulus * area,
             )
+        )  # fmt: skip
 
     def _add_joint(self, joint: Joint) -> Any:
         if joint.prismatic:
@@ -391,8 +378,6 @@ class BeamModel:
         moved = self.mbs.GetNodeOutput(node, self.exu.OutputVariableType.Coordinates)
         if body in self._rigid:
             return float(turned_near(moved[2] - cmath.phase(direction), 0.0))
-        if self.element == "timoshenko":
-            return float(moved[2])
         return cmath.phase(1 + complex(moved[2], moved[3]) / direction)
 
     def axis(self, joint: Joint) -> complex:

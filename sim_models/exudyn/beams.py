@@ -1,11 +1,10 @@
 """A linkage of beams in Exudyn: the elastic displacement of Eqs. 1-7 and the clearance of Eq. 8, both at once.
 
 Links with a modulus of elasticity are large-displacement planar beams, so that reactions follow the deformed, displaced
-linkage; the paper's superposition (Fig. 7c) is its first order.  Elements: ``euler-bernoulli`` is ANCFCable2D (no
-shear, as Eqs. 2-3), ``timoshenko`` the geometrically exact beam with three nodes and shear factor 5/6.  The crank's
-axis is held at the drive (of several drives, each holds its joint), weights and loads act at the com and at named
-points, and joints are the springs of Eq. 4 (or rigid).  A joint with clearance and joint model ``contact`` is a journal
-in its bearing whose contact is as stiff as the joint's spring.
+linkage; the paper's superposition (Fig. 7c) is its first order.  Elements are ANCFCable2D (Euler and Bernoulli's: no
+shear, as Eqs. 2-3).  The crank's axis is held at the drive (of several drives, each holds its joint), weights and loads
+act at the com and at named points, and joints are the springs of Eq. 4 (or rigid).  A joint with clearance and joint
+model ``contact`` is a journal in its bearing whose contact is as stiff as the joint's spring.
 
 :func:`flexible` is how a harness asks for flexible links: it answers a request, of a mechanism whose flexible bodies
 have ``youngs_modulus``, as :meth:`sim_models.engine.Engine.simulate` does one for rigid links.
@@ -27,7 +26,6 @@ from sim_models.common.free_share import free_share
 from sim_models.engine import Cause, Request, SettingValue, SimulationError, Trace, Unsupported, installed_version
 from sim_models.exudyn.beam_model import (
     BeamModel,
-    Element,
     Loads,
     Push,
     pin_stiffness,
@@ -41,7 +39,7 @@ from sim_models.run.judge import FLIPPED
 from sim_models.run.path import CrankPath, RestingPath
 
 
-def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
+def flexible(request: Request) -> Trace:
     """What a request's linkage shows with flexible links: an equilibrium at every crank angle, or instant of its
     courses.
 
@@ -54,7 +52,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     Raises Unsupported for other joint models, compliant and free drives and guides that yield; SimulationError where
     no equilibrium is found, AssemblyError where the linkage cannot be assembled.
     """
-    beams = Beams(request, element)
+    beams = Beams(request)
     with console_off(), own_start("exudyn", request, beams.assembly):
         rows = [beams.signals(k) for k in range(beams.at.size)]
     signals = {name: np.array([row[name] for row in rows]) for name in rows[0]}
@@ -68,7 +66,7 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
     used: dict[str, SettingValue] = {
         "solver": "static Newton",
         "step": None,
-        "links": f"{element} beams",
+        "links": "euler-bernoulli beams",
         "inertia": "rigid linkage" if moving else "none",
     }
     if size:
@@ -91,8 +89,8 @@ def flexible(request: Request, element: Element = "euler-bernoulli") -> Trace:
 class Beams:
     """A linkage of beams at every instant of a request; ``motion`` is the ideal rigid linkage's."""
 
-    def __init__(self, request: Request, element: Element) -> None:
-        self.request, self.m, self.element = request, request.mechanism, element
+    def __init__(self, request: Request) -> None:
+        self.request, self.m = request, request.mechanism
         refuse_what_is_not_modelled(self.m)
         if request.joint_model not in ("ideal", "contact"):
             raise Unsupported(f"{self.m.name}: beams are joined by ideal joints or contact, not {request.joint_model}")
@@ -150,12 +148,12 @@ class Beams:
         }
         start = self.path.poses(float(self.at[k]), gaps)
         loads = Loads(self._pushes(k), self._springs(k))
-        model = BeamModel(self.m, self.element, self.clearance, start, loads, self.held)
+        model = BeamModel(self.m, self.clearance, start, loads, self.held)
         if not model.solve(
             soft, lambda: not any(abs(self._turned(model, body.name, k)) > FLIPPED for body in self.m.bodies)
         ):
             raise SimulationError(
-                f"exudyn {self.element} beams ({self.m.name}): no static equilibrium in the assembly mode found"
+                f"exudyn euler-bernoulli beams ({self.m.name}): no static equilibrium in the assembly mode found"
                 f" {where(self.request, float(self.at[k]))}",
                 Cause.NO_EQUILIBRIUM,
                 "use a smaller clearance, keep clear of change points, or check youngs_modulus, section and the loads",

@@ -11,7 +11,6 @@ import numpy as np
 from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from sim_models.engine import Request
-from sim_models.exudyn.beam_model import Element
 from sim_models.exudyn.beams import Beams
 from sim_models.exudyn.settings import console_off
 
@@ -29,7 +28,6 @@ class FlexibleLinkage:
 def flexible_static(
     mechanism: Mechanism,
     theta: float,
-    element: Element = "euler-bernoulli",
     joint_model: Literal["ideal", "contact"] = "ideal",
 ) -> FlexibleLinkage:
     """Equilibrium of a linkage of beams under its loads and weights, crank held at angle theta (rad).
@@ -37,9 +35,8 @@ def flexible_static(
     With ``contact`` every joint with clearance has it; with ``ideal`` clearances are ignored.  Raises what
     :func:`sim_models.exudyn.beams.flexible` does.
     """
-    at_rest = Beams(
-        Request(mechanism, joint_model, Schedule.at_angles(mechanism, np.array([theta]), at_rest=True)), element
-    )
+    schedule = Schedule.at_angles(mechanism, np.array([theta]), at_rest=True)
+    at_rest = Beams(Request(mechanism, joint_model, schedule))
     with console_off():
         model = at_rest.solved(0)
         named = [(b.name, point) for b in mechanism.bodies for point in (*b.points, "com")]
