@@ -6,6 +6,7 @@ import csv
 import importlib.resources
 import io
 import json
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from analytic.mechanism import Joint, Load, Mechanism
 from analytic.mechanism.signals import named, position
 from sim_models.engine import Request, Trace
 
+ALIKE = re.compile(r"^from sim_models\.standalone\.alike import .*\n", re.MULTILINE)  # in a script
 BEYOND = "beyond_mjcf"  # the text of an exported MJCF file that has, as JSON, what MJCF has no words for
 
 
@@ -44,10 +46,12 @@ def expected(trace: Trace, request: Request, order: Iterable[int] | None = None)
 
 
 def written(folder: Path, files: Mapping[str, str], script: str) -> list[Path]:
-    """Texts, and as ``run.py`` the script of :mod:`sim_models.standalone`, as files in an existing folder.  Raises
-    OSError.
+    """Texts, and as ``run.py`` the script of :mod:`sim_models.standalone`, with what all of these have alike in it, as
+    files in an existing folder.  Raises OSError.
     """
-    run = importlib.resources.files("sim_models.standalone").joinpath(script).read_text(encoding="utf-8")
+    scripts = importlib.resources.files("sim_models.standalone")
+    run, alike = (scripts.joinpath(name).read_text(encoding="utf-8") for name in (script, "alike.py"))
+    run = ALIKE.sub(lambda _: alike.partition("import annotations\n\n")[2], run)
     for name, content in {**files, "run.py": run}.items():
         (folder / name).write_text(content, encoding="utf-8", newline="\n")
     return [folder / name for name in (*files, "run.py")]

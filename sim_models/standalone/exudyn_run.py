@@ -31,8 +31,8 @@ import math
 import sys
 from bisect import bisect
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from operator import mul
-from pathlib import Path
 from typing import Any
 
 import exudyn
@@ -40,7 +40,8 @@ import exudyn.itemInterface as item
 import numpy as np
 from exudyn.utilities import CreateSymbolicUserFunction
 
-HERE = Path(__file__).resolve().parent
+from sim_models.standalone.alike import HERE, against, compare, share
+
 Signals = dict[str, np.ndarray]
 Speed = Callable[[float], float]  # over time
 Travel = tuple[float, list[float]]  # with its derivative by coordinates
@@ -124,54 +125,37 @@ class System:
         push = self.mbs.AddLoad(item.LoadForceVector(markerNumber=at, loadVector=[*force, 0.0]))
         turn = self.mbs.AddLoad(item.LoadTorqueVector(markerNumber=at, loadVector=[0.0, 0.0, torque]))
         if varies:
-            share, opposes, size = self.share(**varies), varies["opposes"], math.hypot(*force)
 
-            def pushed(mbs: Any, t: float, vector: Any) -> list[float]:
-                if not opposes:
-                    return [share(t) * force[0], share(t) * force[1], 0.0]
+            def acting(t: float) -> tuple[complex, float]:
+                part = share(varies, partial(self.where, t))
+                if not varies["opposes"]:
+                    return complex(*force) * part, torque * part
                 u, v, spin = self.going(body)
                 velocity = complex(u, v) + 1j * spin * self.arm(body, point)
-                along = -share(t) * size * velocity / max(abs(velocity), 1e-300)
-                return [along.real, along.imag, 0.0]
+                return against(complex(*force) * part, torque * part, velocity, spin)
+
+            def pushed(mbs: Any, t: float, vector: Any) -> list[float]:
+                return [acting(t)[0].real, acting(t)[0].imag, 0.0]
 
             def turned(mbs: Any, t: float, vector: Any) -> list[float]:
-                way = -float(np.sign(self.going(body)[2])) * np.sign(torque) if opposes else 1.0
-                return [0.0, 0.0, float(share(t) * torque * way)]
+                return [0.0, 0.0, acting(t)[1]]
 
             self.mbs.SetLoadParameter(push, "loadVectorUserFunction", pushed)
             self.mbs.SetLoadParameter(turn, "loadVectorUserFunction", turned)
         return push, turn
 
-    def share(
-        self, over: Mapping[str, str] | None, stretch: Sequence[float] | None, table: Sequence[Any], opposes: bool
-    ) -> Callable[[float], float]:
-        """How much of a load acts at a time, with the bodies where they are."""
-        kind, around = (over or {}).get("kind", ""), 2 * math.pi
-        slide = self.joints.get((over or {}).get("joint", ""), {})
-
-        def value(t: float) -> float:
-            if over is None or kind == "time":
-                return t - self.model["time_0"]
-            if kind == "travel":
-                q = [x for body in slide["bodies"] if body != "ground" for x in self.state(body)]
-                return self.travel(over["joint"], slide)(q)[0]
-            x, y, angle = self.state(over["body"])
-            at = complex(x, y) + self.arm(over["body"], "com")
-            return angle if kind == "angle" else at.real if kind == "x" else at.imag
-
-        def share(t: float) -> float:
-            if over is None:
-                return 1.0
-            here = value(t)
-            if table:
-                values, factors = zip(*table, strict=True)
-                return float(np.interp(here, values, factors, period=around if kind == "angle" else None))
-            low, high = stretch or (0.0, 0.0)
-            if kind != "angle":
-                return float(min(low, high) <= here <= max(low, high))
-            return float(high - low >= around or (here - low) % around <= (high - low) % around)
-
-        return share
+    def where(self, t: float, over: Mapping[str, str]) -> float:
+        """What a load varies over, at a time."""
+        kind = over["kind"]
+        if kind == "time":
+            return t - self.model["time_0"]
+        if kind == "travel":
+            slide = self.joints[over["joint"]]
+            q = [x for body in slide["bodies"] if body != "ground" for x in self.state(body)]
+            return self.travel(over["joint"], slide)(q)[0]
+        x, y, angle = self.state(over["body"])
+        at = complex(x, y) + self.arm(over["body"], "com")
+        return angle if kind == "angle" else at.real if kind == "x" else at.imag
 
     def state(self, body: str, kind: str = "Coordinates", when: Any = exu.ConfigurationType.Current) -> list[float]:
         """A body's x, y and angle, or their rates."""
@@ -564,24 +548,7 @@ def main() -> None:
     exu.config.printToConsole = False
     system = System()
     found = system.equilibria() if system.static else system.driven()
-    header, *rows = (HERE / "expected.csv").read_text(encoding="utf-8").splitlines()
-    names = [heading.split(" [")[0] for heading in header.split(",")]
-    expected = dict(zip(names, np.array([row.split(",") for row in rows], float).T, strict=True))
-    np.savetxt(
-        HERE / "signals.csv",
-        np.column_stack([found[name] for name in expected]),
-        "%.17g",
-        ",",
-        header=header,
-        comments="",
-    )
-    print(
-        f"{system.model['title']}: {len(rows)} samples, Exudyn {exu.__version__} (expected.csv:"
-        f" {system.model['version']})"
-    )
-    print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
-    for name, theirs in expected.items():
-        print(f"{name:32} {np.abs(found[name] - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
+    compare(system.model, f"Exudyn {exu.__version__}", found)
 
 
 if __name__ == "__main__":

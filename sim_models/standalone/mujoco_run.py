@@ -21,18 +21,17 @@ stage.
 from __future__ import annotations
 
 import cmath
-import csv
 import json
 import math
 import sys
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
+from sim_models.standalone.alike import HERE, against, compare, share, stopped
+
 ROW = mujoco.mjtConstraint  # what a row of the solver stands for
 Forces = dict[str, tuple[complex, complex]]  # by joint: on its second body (N), and the point where it acts (m)
 
@@ -79,12 +78,11 @@ class Simulation:
     def loads(self) -> Iterator[tuple[int, complex, float]]:
         """Site, force and torque of each load that varies, now."""
         for name, load in self.varying.items():
-            site, share = self.model.site(name).id, self.share(**load)
-            force, torque = complex(*load["force"]) * share, load["torque"] * share
+            site, part = self.model.site(name).id, share(load, self.where)
+            force, torque = complex(*load["force"]) * part, load["torque"] * part
             if load["opposes"]:
                 u, v, spin = self.heading.get(name) or self.going(site)
-                force = -abs(force) * complex(u, v) / max(math.hypot(u, v), 1e-300)
-                torque = -abs(torque) * float(np.sign(spin))
+                force, torque = against(force, torque, complex(u, v), spin)
             yield site, force, torque
 
     def going(self, site: int) -> list[float]:
@@ -93,28 +91,16 @@ class Simulation:
         mujoco.mj_objectVelocity(self.model, self.data, mujoco.mjtObj.mjOBJ_SITE, site, velocity, 0)
         return [float(velocity[3]), float(velocity[4]), float(velocity[2])]
 
-    def share(
-        self, over: Mapping[str, str] | None, stretch: list[float] | None, table: list[list[float]], **_: Any
-    ) -> float:
-        """How much of a load acts with the bodies where they are, and now."""
-        if over is None:
-            return 1.0
-        kind, turn = over["kind"], 2 * math.pi
+    def where(self, over: Mapping[str, str]) -> float:
+        """What a load varies over, now."""
+        kind = over["kind"]
         if kind == "time":
-            here = float(self.data.time)
-        elif kind == "travel":
-            here = self.position(over["joint"]) / self.length
-        elif kind == "angle":
-            here = self.angle(over["body"])
-        else:
-            here = float(self.data.site_xpos[self.model.site(f"marker of {over['body']}").id, "xy".index(kind)])
-        if table:
-            values, factors = zip(*table, strict=True)
-            return float(np.interp(here, values, factors, period=turn if kind == "angle" else None))
-        low, high = stretch or (0.0, 0.0)
-        if kind != "angle":
-            return float(min(low, high) <= here <= max(low, high))
-        return float(high - low >= turn or (here - low) % turn <= (high - low) % turn)
+            return float(self.data.time)
+        if kind == "travel":
+            return self.position(over["joint"]) / self.length
+        if kind == "angle":
+            return self.angle(over["body"])
+        return float(self.data.site_xpos[self.model.site(f"marker of {over['body']}").id, "xy".index(kind)])
 
     def bent(self, t: int) -> tuple[float, float]:
         """What of a joint's law is not linear, and the joint's rate."""
@@ -438,52 +424,24 @@ class Simulation:
             self.heading = state["heading"]
             self.data.qfrc_applied[:] = state["dry_friction"]  # which acts against the drives' directions
             forces = self.evaluate()
-            for joint, share in state["sliding"].items():
-                forces[joint] = forces[joint][0] * complex(1, share), forces[joint][1]
+            for joint, part in state["sliding"].items():
+                forces[joint] = forces[joint][0] * complex(1, part), forces[joint][1]
             largest = max(largest, np.abs(self.data.qacc).max())
             yield self.signals(forces, self.data.qvel, state["joint_friction"])
         print(f"largest acceleration at rest: {largest:.2g} m/s^2 or rad/s^2")
 
 
-def stopped(stops: list[list[float]], position: float, rate: float, over: float) -> float:
-    """What stops of a joint push its second body back with, each only beyond where it is; its damper sets in over a
-    time, half of it before.
-    """
-    size = 0.0
-    for way, place, stiffness, damping in stops:
-        depth = way * (place - position)
-        share = min(max(depth / max(over * abs(rate), 1e-300) + 0.5, 0.0), 1.0)
-        size += way * max(stiffness * max(depth, 0.0) - share * way * damping * rate, 0.0)
-    return size
-
-
 def main() -> None:
     """Run, write signals.csv, and say how far it is from expected.csv."""
     simulation = Simulation()
-    with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
-        header = next(csv.reader(file))
-        names = [heading.split(" [")[0] for heading in header]
-        expected = [dict(zip(names, map(float, row), strict=True)) for row in csv.reader(file)]
-    if (
-        simulation.curved or simulation.wave or simulation.varying
-    ):  # in every evaluation of a step; no model can be compiled meanwhile
-        mujoco.set_mjcb_passive(simulation.feel)
-    found = list(simulation.static() if simulation.start["motion"] == "static" else simulation.driven())
+    if simulation.curved or simulation.wave or simulation.varying:
+        mujoco.set_mjcb_passive(simulation.feel)  # in every evaluation of a step; no model can be compiled meanwhile
+    rows = list(simulation.static() if simulation.start["motion"] == "static" else simulation.driven())
     mujoco.set_mjcb_passive(None)
     if any(warning.number for warning in simulation.data.warning):
         sys.exit("MuJoCo warned: this run is not valid")
-    with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(header)
-        table.writerows([float(row[name]) for name in names] for row in found)
-    print(
-        f"{simulation.start['title']}: {len(found)} samples, MuJoCo {mujoco.__version__} (expected.csv:"
-        f" {simulation.start['version']})"
-    )
-    print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
-    for name in names:
-        mine, theirs = (np.array([row[name] for row in side]) for side in (found, expected))
-        print(f"{name:32} {np.abs(mine - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
+    found = {name: np.array([row[name] for row in rows], float) for name in rows[0]}
+    compare(simulation.start, f"MuJoCo {mujoco.__version__}", found)
 
 
 if __name__ == "__main__":

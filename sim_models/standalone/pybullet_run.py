@@ -23,20 +23,19 @@ moves freely would be led astray ("puts_right").
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from bisect import bisect_right
 from cmath import exp
 from collections.abc import Iterator, Mapping
+from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet as p
 
-HERE = Path(__file__).resolve().parent
+from sim_models.standalone.alike import HERE, against, compare, share, stopped
 
 
 class Link(NamedTuple):
@@ -193,12 +192,11 @@ class World:
             at, velocity = self.point(load["link"], load["point"])
             force, torque, spin = complex(*load["force"]), load["torque"], self.places[load["link"]].spin
             if how := load.get("varies"):
-                share = self.share(self.begin + number * h, **how)
-                force, torque = force * share, torque * share
+                part = share(how, partial(self.where, self.begin + number * h))
+                force, torque = force * part, torque * part
                 if how["opposes"]:
                     u, v, spin = self.heading[k] if self.heading else (velocity.real, velocity.imag, spin)
-                    force = -abs(force) * complex(u, v) / max(abs(complex(u, v)), 1e-300)
-                    torque = -abs(torque) * float(np.sign(spin))
+                    force, torque = against(force, torque, complex(u, v), spin)
             self.push(load["link"], at, force, torque)
         for link, motor in self.motors.items():
             if motor["course"]:
@@ -207,29 +205,17 @@ class World:
         p.setTimeStep(h)
         p.stepSimulation()
 
-    def share(
-        self, time: float, over: Mapping[str, str] | None, stretch: list[float] | None, table: list[Any], **_: Any
-    ) -> float:
-        """How much of a load acts with the bodies where they are, and at a time."""
-        if over is None:
-            return 1.0
-        kind, turn = over["kind"], 2 * math.pi
+    def where(self, time: float, over: Mapping[str, str]) -> float:
+        """What a load varies over, at a time."""
+        kind = over["kind"]
         if kind == "time":
-            here = time
-        elif kind == "travel":
-            here = self.travel(over["joint"])[0]
-        elif kind == "angle":
-            here = self.places[over["body"]].angle
-        else:
-            marker = self.point(over["body"], self.start["bodies"][over["body"]]["marker"])[0]
-            here = marker.real if kind == "x" else marker.imag
-        if table:
-            values, factors = zip(*table, strict=True)
-            return float(np.interp(here, values, factors, period=turn if kind == "angle" else None))
-        low, high = stretch or (0.0, 0.0)
-        if kind != "angle":
-            return float(min(low, high) <= here <= max(low, high))
-        return float(high - low >= turn or (here - low) % turn <= (high - low) % turn)
+            return time
+        if kind == "travel":
+            return self.travel(over["joint"])[0]
+        if kind == "angle":
+            return self.places[over["body"]].angle
+        marker = self.point(over["body"], self.start["bodies"][over["body"]]["marker"])[0]
+        return marker.real if kind == "x" else marker.imag
 
     def turn_crank(self, time: float) -> None:
         """A crank's torque over its angle, and that of a motor which it lags, whose drive yields."""
@@ -413,42 +399,15 @@ def on_course(time: float, times: list[float], cubics: list[list[float]]) -> flo
     return d + c * s + b * (s * s) + a * (s * s * s)
 
 
-def stopped(stops: list[list[float]], position: float, rate: float, over: float) -> float:
-    """What stops of a joint push its second body back with, each only beyond where it is; its damper sets in over a
-    time, half of it before.
-    """
-    size = 0.0
-    for way, place, stiffness, damping in stops:
-        depth = way * (place - position)
-        share = min(max(depth / max(over * abs(rate), 1e-300) + 0.5, 0.0), 1.0)
-        size += way * max(stiffness * max(depth, 0.0) - share * way * damping * rate, 0.0)
-    return size
-
-
 def main() -> None:
     """Run, write signals.csv, and say how far it is from expected.csv."""
     world = World()
-    with (HERE / "expected.csv").open(encoding="utf-8", newline="") as file:
-        header = next(csv.reader(file))
-        names = [heading.split(" [")[0] for heading in header]
-        expected = [dict(zip(names, map(float, row), strict=True)) for row in csv.reader(file)]
     samples = list(world.run())
-    found = [
-        {name: sum(weight * samples[k][name] for k, weight in report) for name in samples[0]}
-        for report in world.start["reports"]
-    ]
-    with (HERE / "signals.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(header)
-        table.writerows([float(row[name]) for name in names] for row in found)
-    print(
-        f"{world.start['title']}: {len(found)} samples, PyBullet {version('pybullet')} (expected.csv:"
-        f" {world.start['version']})"
-    )
-    print(f"{'signal':32} {'largest difference':>20} {'largest value':>15}")
-    for name in names:
-        mine, theirs = (np.array([row[name] for row in side]) for side in (found, expected))
-        print(f"{name:32} {np.abs(mine - theirs).max():20.2g} {np.abs(theirs).max():15.6g}")
+    found = {
+        name: np.array([sum(weight * samples[k][name] for k, weight in report) for report in world.start["reports"]])
+        for name in samples[0]
+    }
+    compare(world.start, f"PyBullet {version('pybullet')}", found)
 
 
 if __name__ == "__main__":
