@@ -82,7 +82,7 @@ def test_reports_a_billionth_of_a_second_apart_are_followed() -> None:
 
 def test_a_smaller_step_comes_closer_to_the_equation_of_motion() -> None:
     m, theta = fast_crank_rocker(2e-4, 300.0), np.linspace(0.0, np.pi, 19)
-    exact = exact_motion(m, theta, 1e-10).follower
+    exact = exact_motion(m, theta).follower
     asked = request_of(m, "spring-damper", "driven", theta, start="centred")
     coarse, fine = (
         np.abs(ENGINE.simulate(replace(asked, step=h)).signals["follower_angle"] - exact).max() for h in (2e-5, 2.5e-6)

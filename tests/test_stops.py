@@ -172,9 +172,9 @@ def test_a_pin_that_a_damped_stop_throws_across_its_bearing_flies_by_its_equatio
     m = at_speed(m, 6.0).replace(gravity=(0.0, -9.81), loads=[{"body": "follower", "torque": 1.0}])
     m = m.replace(stops=[{"joint": "E", "to": 1.8, "stiffness": 50.0, "damping": 0.5}])
     theta = np.radians(np.linspace(0, 110, 1101))
-    exact = exact_motion(m, theta, 1e-9)
+    exact = exact_motion(m, theta)
     first = int(np.argmax(exact.follower > 1.8))
-    assert exact.free[first:].mean() > 0.1
+    assert np.mean(exact.force[first:] == 0) > 0.1
     asked = m.with_joint("B", contact_law=law)
     trace = engine(name).simulate(request_of(asked, model, "driven", theta, start="centred"))
     later = slice(first - 5, None)  # of the start's own bounces nothing is left

@@ -35,7 +35,8 @@ class Loop(NamedTuple):
     Bodies' own vectors are in their frames, from the point that they hang on: ``reach`` to the pin with clearance,
     ``com`` to the centre of mass.  ``inertia`` is about that point (a slide's is its mass).  ``push`` is the sum of
     conj(arm) times force over a body's loads: its imaginary part turns the body.  ``bearing`` is 1 where the
-    second body has the bearing and the first one the pin, as the joint's order says, else -1.
+    second body has the bearing and the first one the pin, as the joint's order says, else -1.  ``stop`` is where one of
+    the second body begins (rad), its stiffness and damping; it pushes back with max(0, K d + C d').
     """
 
     theta: float
@@ -70,6 +71,7 @@ class Loop(NamedTuple):
     damping: float
     hysteresis: float
     slowest: float
+    stop: tuple[float, float, float]
 
 
 class State(NamedTuple):
@@ -111,7 +113,7 @@ def loop_of(mechanism: Mechanism, theta: float = 0.0, law: NamedLaw | None = Non
     assert law is not None, "the joint has no contact_law"
     assert speed is not None
     assert not mechanism.springs
-    assert not any(j.has_law for j in mechanism.joints), "nothing else may act in the joints"
+    assert not any(j.rubs or j.damped or j.springy for j in mechanism.joints), "nothing else may act in the joints"
     hub = next(j.name for j in mechanism.joints if set(j.bodies) == {GROUND, who.crank})
     base = next(j for j in mechanism.joints if set(j.bodies) == {GROUND, who.second})
     knee = next(j.name for j in mechanism.joints if set(j.bodies) == {who.crank, who.first})
@@ -127,7 +129,10 @@ def loop_of(mechanism: Mechanism, theta: float = 0.0, law: NamedLaw | None = Non
     push2, force2, torque2 = _loads(mechanism, second, hung)
     weigh = (crank.centre - crank.point(hub)).conjugate() * crank.mass * gravity
     com1, com2 = first.centre - first.point(knee), second.centre - hung
-    clearance = joint.clearance
+    clearance, stop = joint.clearance, (math.inf, 0.0, 0.0)
+    for one in mechanism.stops:
+        assert (one.joint, one.start, base.bodies, base.prismatic) == (base.name, None, (GROUND, who.second), False)
+        stop = one.end, one.stiffness, one.damping
     return Loop(
         theta, speed, mechanism.ground.point(hub), crank.point(knee) - crank.point(hub), push0 + weigh, torque0,
         first.point(joint.name) - first.point(knee), com1, first.mass,
@@ -137,7 +142,7 @@ def loop_of(mechanism: Mechanism, theta: float = 0.0, law: NamedLaw | None = Non
         push2, force2, torque2,
         gravity, 1 if joint.bodies[0] == who.first else -1,
         clearance, joint.rim + clearance, joint.friction,
-        law.stiffness, law.damping, law.hysteresis, law.slowest,
+        law.stiffness, law.damping, law.hysteresis, law.slowest, stop,
     )  # fmt: skip
 
 
@@ -179,7 +184,7 @@ def ideal_reaction(mechanism: Mechanism, loop: Loop) -> complex:
     before, after = (_rates(loop._replace(theta=loop.theta + k * loop.speed * ahead), *at[j], 0j)
                      for j, k in enumerate((-1, 1)))  # fmt: skip
     turn1, turn2 = ((b - a) / (2 * ahead) for a, b in zip(before, after, strict=True))
-    own1, own2 = _own(loop, 0.0, first, second)
+    own1, own2 = _own(loop, 0.0, first, second, 0.0)
     p1, p2 = loop.reach1 * np.exp(1j * first), _lever2(loop, second)
     # Q1 - p1 x F = I1 a1 and Q2 + (way of the second pin) . F = I2 a2
     left = np.array([[p1.imag, -p1.real], [p2.real, p2.imag]])
@@ -243,15 +248,17 @@ def _dot(a, b):
 
 
 @njit(cache=True)
-def _own(loop, t, first, second):
-    """Generalised forces of weight, loads and the moving crank pin on either coordinate."""
+def _own(loop, t, first, second, second_rate):
+    """Generalised forces of weight, loads, the stop and the moving crank pin on either coordinate."""
     e1 = np.exp(1j * first)
     knee = -(loop.speed**2) * loop.arm * np.exp(1j * (loop.theta + loop.speed * t))  # its acceleration
     own1 = _cross(e1, loop.push1) + _cross(loop.com1 * e1, loop.mass1 * (loop.gravity - knee)) + loop.torque1
     if loop.slides:
         return own1, _dot(loop.axis, loop.force2 + loop.mass2 * loop.gravity)
     e2 = np.exp(1j * second)
-    return own1, _cross(e2, loop.push2) + _cross(loop.com2 * e2, loop.mass2 * loop.gravity) + loop.torque2
+    begin, stiffness, damping = loop.stop
+    stop = max(0.0, stiffness * (second - begin) + damping * second_rate) if second > begin else 0.0
+    return own1, _cross(e2, loop.push2) + _cross(loop.com2 * e2, loop.mass2 * loop.gravity) + loop.torque2 - stop
 
 
 @njit(cache=True)
@@ -309,7 +316,7 @@ def _slip_rate(loop, t, y, gap, n, depth_rate, turn1, turn2):
 def _holding(loop, t, y, push):
     """Friction (N, on the second body) that would keep the slip from growing."""
     gap, n, _, rate, _, at1, at2 = _meeting(loop, t, y)
-    own1, own2 = _own(loop, t, y[FIRST], y[SECOND])
+    own1, own2 = _own(loop, t, y[FIRST], y[SECOND], y[SECOND_RATE])
     turn1, turn2 = (own1 - _dot(at1, push * n)) / loop.inertia1, (own2 + _dot(at2, push * n)) / loop.inertia2
     free = _slip_rate(loop, t, y, gap, n, rate, turn1, turn2)
     along = 1j * n
@@ -335,7 +342,7 @@ def _derivative(loop, t, y, mode, slide, touched, out):
     """Rates of all that is integrated; returns the force (N) on the second body and the motor's torque (N.m)."""
     force, push, rub = _force(loop, t, y, mode, slide, touched)
     _, _, _, rate, slip, at1, at2 = _meeting(loop, t, y)
-    own1, own2 = _own(loop, t, y[FIRST], y[SECOND])
+    own1, own2 = _own(loop, t, y[FIRST], y[SECOND], y[SECOND_RATE])
     turn1, turn2 = (own1 - _dot(at1, force)) / loop.inertia1, (own2 + _dot(at2, force)) / loop.inertia2
     crank = np.exp(1j * (loop.theta + loop.speed * t))
     arm, e1 = loop.arm * crank, np.exp(1j * y[FIRST])
