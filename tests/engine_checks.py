@@ -176,7 +176,7 @@ LONGEST_STEP = 2e-5  # s, of the referee off the wall
 
 
 class ExactMotion(NamedTuple):
-    """Angles (rad); in joint B the gap (m), first pin less second, and the force (N) of its first body on its second."""
+    """Angles (rad); the gap (m) in joint B, first pin less second; the force (N) of its first body on the second."""
 
     crank: np.ndarray
     coupler: np.ndarray
