@@ -17,7 +17,7 @@ from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Sensor, Spring
-from analytic.mechanism.units import COMMON, UnitError, factor_to_si
+from analytic.mechanism.units import COMMON, SI, UnitError, factor_to_si, powers
 from analytic.mechanism.written import (
     BODY,
     DRIVE,
@@ -28,6 +28,7 @@ from analytic.mechanism.written import (
     REVOLUTE,
     SENSOR,
     SPRING,
+    STOPS,
     in_si,
     quantity,
     runs_in_si,
@@ -48,7 +49,6 @@ from compare.questions.option import (
     StepByJoint,
     Times,
 )
-from sim_models.common import units as engine_units
 
 FILE = """
 name = "mine"
@@ -192,28 +192,12 @@ def test_a_unit_that_does_not_fit_is_named_with_its_field_and_what_would(change:
         loads(FILE.replace(*change))
 
 
-POWERS: Mapping[str, Mapping[str, engine_units.Dimension]] = {
-    "body": engine_units.BODY,
-    "joint": engine_units.JOINT_DIMENSIONS,
-    "revolute": engine_units.REVOLUTE,
-    "prismatic": engine_units.PRISMATIC,
-    "spring": engine_units.SPRING,
-}
-WRITTEN = {
-    "body": BODY,
-    "joint": JOINT | REVOLUTE,
-    "revolute": JOINT | REVOLUTE,
-    "prismatic": JOINT | PRISMATIC,
-    "spring": SPRING,
-}
-
-
-@pytest.mark.parametrize("part", POWERS)
-def test_the_units_of_fields_have_the_dimensions_by_which_engines_scale_them(part: str) -> None:
+def test_the_powers_by_which_engines_scale_units_are_those_of_a_library() -> None:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()
-    for field, powers in POWERS[part].items():
-        dimension = registry.parse_units(WRITTEN[part][field].replace(".", "*")).dimensionality
-        assert tuple(int(dimension.get(f"[{d}]", 0)) for d in ("length", "mass", "time")) == tuple(powers), field
+    tables = (BODY, JOINT, REVOLUTE, PRISMATIC, ELASTICITY, SPRING, DRIVE, LOAD, *STOPS.values(), SI)
+    for unit in {unit for table in tables for unit in table.values() if unit}:
+        dimension = registry.parse_units(unit.replace(".", "*")).dimensionality
+        assert tuple(int(dimension.get(f"[{d}]", 0)) for d in ("length", "mass", "time")) == powers(unit), unit
 
 
 PARTS: Mapping[type[MechanismPart], set[str]] = {

@@ -35,19 +35,10 @@ SI: dict[QuantityKind, SiUnit] = {
     "strain": "1",
 }
 Powers = tuple[int, int, int]  # of length, mass and time
-POWERS: dict[SiUnit, Powers] = {
-    "s": (0, 0, 1),
-    "rad": (0, 0, 0),
-    "rad/s": (0, 0, -1),
-    "rad/s^2": (0, 0, -2),
-    "m": (1, 0, 0),
-    "m/s": (1, 0, -1),
-    "m/s^2": (1, 0, -2),
-    "N": (1, 1, -2),
-    "N.m": (2, 1, -2),
-    "W": (2, 1, -3),
-    "1": (0, 0, 0),
-}
+POWERS: dict[str, Powers] = {
+    "1": (0, 0, 0), "rad": (0, 0, 0), "m": (1, 0, 0), "kg": (0, 1, 0), "s": (0, 0, 1), "N": (1, 1, -2),
+    "Pa": (-1, 1, -2), "W": (2, 1, -3), "J": (2, 1, -2),
+}  # fmt: skip
 DIMENSIONS: dict[SiUnit, QuantityKind] = {unit: kind for kind, unit in SI.items()}
 # What messages offer; any other unit of the dimension that pint knows is accepted as well.
 OFFERED: dict[QuantityKind, tuple[str, ...]] = {
@@ -96,6 +87,17 @@ class HasUnit(Protocol):
 def dimension(signal: HasUnit) -> QuantityKind:
     """What kind of quantity a signal is."""
     return DIMENSIONS[signal.unit]
+
+
+@cache
+def powers(unit: str) -> Powers:
+    """Powers of metre, kilogram and second of an SI unit such as ``N.m.s^2/rad^2``."""
+    length = mass = time = 0
+    for sign, part in zip((1, -1), unit.partition("/")[::2], strict=True):
+        for name, _, power in (each.partition("^") for each in part.split(".") if each):
+            a, b, c = (sign * int(power or 1) * x for x in POWERS[name])
+            length, mass, time = length + a, mass + b, time + c
+    return length, mass, time
 
 
 def factor(unit: str, kind: QuantityKind) -> float:

@@ -13,17 +13,29 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import overload
+from typing import Any
 
 import numpy as np
 
 from analytic.kinematics.schedule import Course, DriveMotion, Schedule, Steady
 from analytic.kinematics.structure import structure
-from analytic.mechanism import Body, Drive, Joint, Load, Mechanism, Spring, Stop
+from analytic.mechanism import Drive, Joint, Load, Mechanism
+from analytic.mechanism.parts import MechanismPart
 from analytic.mechanism.signals import named
-from analytic.mechanism.units import POWERS
-from analytic.mechanism.units import Powers as Dimension
-from analytic.mechanism.written import INITIAL
+from analytic.mechanism.units import SI as SI_UNITS
+from analytic.mechanism.units import powers
+from analytic.mechanism.written import (
+    BODY,
+    DRIVE,
+    ELASTICITY,
+    INITIAL,
+    JOINT,
+    LOAD,
+    PRISMATIC,
+    REVOLUTE,
+    SPRING,
+    STOPS,
+)
 from sim_models.common.contact_laws import default_stiffness, heaviest, longest, power_of_two, turning_rate
 from sim_models.common.failed_starts import TooSoft
 from sim_models.common.weights import with_equal_masses
@@ -36,82 +48,16 @@ MASSES = (2.0**-7, 2.0**5)  # kg, the heaviest body
 RATES = (2.0**0, 2.0**7)  # 1/s, of the crank, or at which loads would turn the linkage
 
 # Units of numbers in messages
-SAID: dict[str, Dimension] = {
-    **{unit: powers for unit, powers in POWERS.items() if any(powers)},
-    "J": POWERS["N.m"],
-    "N/m": (0, 1, -2),
-    "N.m/rad": POWERS["N.m"],
-    "kg": (0, 1, 0),
-    "kg.m^2": (2, 1, 0),
-}
+SAID = (*(unit for unit in SI_UNITS.values() if any(powers(unit))), "J", "N/m", "N.m/rad", "kg", "kg.m^2")
 _UNITS = "|".join(re.escape(unit) for unit in sorted(SAID, key=len, reverse=True))
 WITH_UNIT = re.compile(rf"(?<![\w.])(-?\d+(?:\.\d+)?(?:e[+-]?\d+)?) ({_UNITS})(?![\w/^]|\.\w)")
 
-Pair = tuple[float, float]
-DIMENSIONLESS: Dimension = (0, 0, 0)
-LENGTH: Dimension = (1, 0, 0)
-TIME_DIMENSION: Dimension = (0, 0, 1)
-SPEED_DIMENSION: Dimension = (1, 0, -1)
-ACCELERATION: Dimension = (1, 0, -2)
-RATE: Dimension = (0, 0, -1)
-TURNING_DIMENSION: Dimension = (0, 0, -2)
-FORCE_DIMENSION: Dimension = (1, 1, -2)
-TORQUE_DIMENSION: Dimension = (2, 1, -2)
-PRESSURE: Dimension = (-1, 1, -2)
-STIFFNESS: Dimension = (0, 1, -2)
-DAMPING: Dimension = (0, 1, -1)
-
-BODY = {
-    "mass": (0, 1, 0),
-    "com": LENGTH,
-    "marker": LENGTH,
-    "section": LENGTH,
-    "inertia": (2, 1, 0),
-    "youngs_modulus": PRESSURE,
-    "shear_modulus": PRESSURE,
-}
-JOINT_DIMENSIONS = {
-    "clearance": LENGTH,
-    "guide": LENGTH,
-    "pin_radius": LENGTH,
-    "contact_stiffness": STIFFNESS,
-    "contact_damping": DAMPING,
-}
-REVOLUTE = {
-    "radial_stiffness": STIFFNESS,
-    "friction_torque": TORQUE_DIMENSION,
-    "static_torque": TORQUE_DIMENSION,
-    "stribeck_speed": RATE,
-    "friction_radius": LENGTH,
-    "damping": (2, 1, -1),
-    "drag": (2, 1, 0),
-    "stiffness": TORQUE_DIMENSION,
-    "cubic": TORQUE_DIMENSION,
-}
-PRISMATIC = {
-    "friction": FORCE_DIMENSION,
-    "friction_torque": FORCE_DIMENSION,
-    "static_torque": FORCE_DIMENSION,
-    "stribeck_speed": SPEED_DIMENSION,
-    "damping": DAMPING,
-    "drag": (-1, 1, 0),
-    "stiffness": STIFFNESS,
-    "cubic": (-2, 1, -2),
-    "rest_angle": LENGTH,
-}
-GUIDED = {name: dimension for name, dimension in PRISMATIC.items() if name != "friction"}  # a coefficient there
-STOP = {"stiffness": TORQUE_DIMENSION, "damping": (2, 1, -1)}
-SLIDE_STOP = {"start": LENGTH, "end": LENGTH, "stiffness": STIFFNESS, "damping": DAMPING}
-SPRING = {"stiffness": STIFFNESS, "length": LENGTH, "damping": DAMPING}
+_Value = Any  # a number, a pair, or points by name: what goes in comes out
+ATTRIBUTES = {"from": "start", "to": "end"}  # of fields that are called otherwise in a file
 SETTINGS = {
-    "step": TIME_DIMENSION,
-    "bounce_time": TIME_DIMENSION,
-    "start_speed": RATE,
-    "contact_stiffness": STIFFNESS,
-    "contact_damping": DAMPING,
-    "minimum_impact_speed": SPEED_DIMENSION,
-    "contact_margin": LENGTH,
-}
+    "step": "s", "bounce_time": "s", "start_speed": "rad/s", "contact_stiffness": "N/m", "contact_damping": "N.s/m",
+    "minimum_impact_speed": "m/s", "contact_margin": "m",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -129,78 +75,59 @@ class Units:
         rate = max(turning_rate(m, request.motion), fastest(request))
         return cls(power_of_two(longest(m), LENGTHS), power_of_two(heaviest(m), MASSES), 1 / power_of_two(rate, RATES))
 
-    def size(self, dimension: Dimension) -> float:
-        """What one of these units is in SI."""
-        length, mass, time = dimension
+    def size(self, unit: str) -> float:
+        """What the one of these units that stands for an SI unit is in SI."""
+        length, mass, time = powers(unit)
         return float(self.length**length * self.mass**mass * self.time**time)
 
-    @overload
-    def from_si(self, value: float, dimension: Dimension) -> float: ...
-
-    @overload
-    def from_si(self, value: Pair, dimension: Dimension) -> Pair: ...
-
-    def from_si(self, value: float | Pair, dimension: Dimension) -> float | Pair:
-        """A number, or a pair of them, in these units."""
-        scale = self.size(dimension)
+    def _from_si(self, value: _Value, unit: str) -> _Value:
+        """A number, or those in a pair or a table, whose SI unit that is, in these units."""
+        if isinstance(value, Mapping):
+            return {name: self._from_si(each, unit) for name, each in value.items()}
+        scale = self.size(unit)
         return (value[0] / scale, value[1] / scale) if isinstance(value, tuple) else value / scale
 
     def mechanism(self, m: Mechanism) -> Mechanism:
         """A mechanism in these units."""
 
-        def points(of: Mapping[str, Pair]) -> dict[str, Pair]:
-            return {name: self.from_si(at, LENGTH) for name, at in of.items()}
-
-        def fields(
-            part: Body | Joint | Drive | Load | Spring | Stop, dimensions: Mapping[str, Dimension]
-        ) -> dict[str, object]:
-            given = {
-                name: getattr(part, name)
-                for name in dimensions
-                if name in part.model_fields_set and getattr(part, name) is not None
-            }
-            return {name: self.from_si(value, dimensions[name]) for name, value in given.items()}
+        def fields(part: MechanismPart, units: Mapping[str, str]) -> dict[str, object]:
+            """What is given of a part's fields, of which a file has these units."""
+            named = {ATTRIBUTES.get(name, name): unit for name, unit in units.items()}
+            given = {name: getattr(part, name) for name in named if name in part.model_fields_set}
+            return {name: self._from_si(value, named[name]) for name, value in given.items() if value is not None}
 
         def joint(j: Joint) -> Joint:
-            new = fields(
-                j, JOINT_DIMENSIONS | (REVOLUTE if not j.prismatic else PRISMATIC if j.guide is None else GUIDED)
-            )
+            units = JOINT | (PRISMATIC if j.prismatic else REVOLUTE)
+            if j.guide is not None:
+                units = {name: unit for name, unit in units.items() if name != "friction"}  # a coefficient there
+            new = fields(j, units) | {"fit": None}  # its clearance is known, and tables are in metres
             if j.elasticity is not None:
-                translation, rotation = (
-                    self.from_si(getattr(j.elasticity, name), d)
-                    for name, d in (("translation", STIFFNESS), ("rotation", TORQUE_DIMENSION))
-                )
-                new["elasticity"] = j.elasticity.model_copy(update={"translation": translation, "rotation": rotation})
-            return j.model_copy(update=new | {"fit": None})  # its clearance is known, and tables are in metres
+                new["elasticity"] = j.elasticity.model_copy(update=fields(j.elasticity, ELASTICITY))
+            return j.model_copy(update=new)
 
         def drive(d: Drive) -> Drive:
-            speed = (
-                {} if isinstance(d.speed, str) else {"speed": SPEED_DIMENSION if m.joint(d.joint).prismatic else RATE}
-            )
-            scaled = fields(d, {"stiffness": TORQUE_DIMENSION} | speed)
+            scaled = fields(d, DRIVE | ({} if isinstance(d.speed, str) else {"speed": rate_unit(m.joint(d.joint))}))
             if d.periodic_torque is not None:
-                torque = self.from_si(d.periodic_torque.amplitude, TORQUE_DIMENSION)
+                torque = self._from_si(d.periodic_torque.amplitude, "N.m")
                 scaled["periodic_torque"] = d.periodic_torque.model_copy(update={"amplitude": torque})
             return d.model_copy(update=scaled)
 
         def load_in(load: Load) -> Load:
             unit = m.load_quantities[load.over].unit if load.over else "rad"
             scaled = load if unit == "rad" else load.scaled(self.time if unit == "s" else self.length)
-            return scaled.model_copy(update=fields(load, {"force": FORCE_DIMENSION, "torque": TORQUE_DIMENSION}))
+            return scaled.model_copy(update=fields(load, LOAD))
 
         return m.replace(
-            gravity=self.from_si(m.gravity, ACCELERATION),
-            ground=m.ground.model_copy(update={"points": points(m.ground.points)}),
-            bodies=tuple(b.model_copy(update=fields(b, BODY) | {"points": points(b.points)}) for b in m.bodies),
+            gravity=self._from_si(m.gravity, "m/s^2"),
+            ground=m.ground.model_copy(update={"points": self._from_si(m.ground.points, "m")}),
+            bodies=tuple(b.model_copy(update=fields(b, BODY)) for b in m.bodies),
             joints=tuple(joint(j) for j in m.joints),
             drives=tuple(drive(d) for d in m.drives),
             springs=tuple(s.model_copy(update=fields(s, SPRING)) for s in m.springs),
-            stops=tuple(
-                s.model_copy(update=fields(s, SLIDE_STOP if m.joint(s.joint).prismatic else STOP)) for s in m.stops
-            ),
+            stops=tuple(s.model_copy(update=fields(s, STOPS[rate_unit(m.joint(s.joint))])) for s in m.stops),
             loads=tuple(load_in(load) for load in m.loads),
             initial={
-                INITIAL + name: self.from_si(rate, SPEED_DIMENSION if m.joint(name).prismatic else RATE)
+                INITIAL + name: self._from_si(rate, rate_unit(m.joint(name)))
                 for name, rate in m.initial_velocities.items()
             },
         )
@@ -247,7 +174,7 @@ class Units:
             t,
             crank_angle=t.crank_angle * told,
             time=None if t.time is None else t.time * self.time,
-            signals={name: values * self.size(POWERS[known[name].unit]) for name, values in t.signals.items()},
+            signals={name: values * self.size(known[name].unit) for name, values in t.signals.items()},
             rates={body: self._rates(rates) for body, rates in t.rates.items()},
             watched=None if t.watched is None else self._watched(t.watched),
             clearance={name: c * self.length for name, c in t.clearance.items()},
@@ -256,7 +183,7 @@ class Units:
         )
 
     def _watched(self, w: Watched) -> Watched:
-        speed, rate, force, torque = (self.size(d) for d in (SPEED_DIMENSION, RATE, FORCE_DIMENSION, TORQUE_DIMENSION))
+        speed, rate, force, torque = (self.size(unit) for unit in ("m/s", "rad/s", "N", "N.m"))
         return Watched(
             w.time * self.time,
             {body: at * self.length for body, at in w.place.items()},
@@ -270,7 +197,7 @@ class Units:
         )
 
     def _rates(self, r: Rates) -> Rates:
-        speed, acceleration, turning = (self.size(d) for d in (SPEED_DIMENSION, ACCELERATION, TURNING_DIMENSION))
+        speed, acceleration, turning = (self.size(unit) for unit in ("m/s", "m/s^2", "rad/s^2"))
         return Rates(r.velocity * speed, r.acceleration * acceleration, r.angular_acceleration * turning)
 
     def _setting(self, name: str, value: SettingValue) -> SettingValue:
@@ -289,12 +216,17 @@ class Units:
         def in_si(found: re.Match[str]) -> str:
             number, unit = found.groups()
             digits = len(number.split("e")[0].lstrip("-0.").replace(".", ""))
-            return f"{float(number) * self.size(SAID[unit]):.{max(3, digits)}g} {unit}"
+            return f"{float(number) * self.size(unit):.{max(3, digits)}g} {unit}"
 
         return name.join(WITH_UNIT.sub(in_si, part) for part in text.split(name))
 
 
 SI = Units()
+
+
+def rate_unit(joint: Joint) -> str:
+    """The SI unit in which a joint moves."""
+    return "m/s" if joint.prismatic else "rad/s"
 
 
 def in_own_units(run: Callable[[Request], Trace], request: Request, seconds: bool = False) -> Trace:
