@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.mechanism import MASS_CENTRE, Body, Joint, Mechanism
+from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from analytic.mechanism.sensing import with_sensors
 from analytic.mechanism.signals import POWER, driving, moving, slipping
+from sim_models.common.track import Track
 from sim_models.engine import Rates, Trace
 
 RATE_COLUMNS = ("velocity x", "velocity y", "acceleration x", "acceleration y", "angular acceleration")
@@ -49,10 +49,10 @@ def rate_signals(m: Mechanism, trace: Trace) -> dict[str, np.ndarray]:
     if any(body.name not in trace.rates or f"{body.name}_angle" not in trace.signals for body in m.bodies):
         return {}
     found: dict[str, np.ndarray] = {}
-    moves = {body.name: _Moves.of(body, trace) for body in m.bodies}
-    for name, body in moves.items():
-        _, velocity, acceleration = body.at(m.moving[name].point("com"))
-        parts = velocity.real, velocity.imag, acceleration.real, acceleration.imag, body.spin_up
+    moves = {GROUND: Track.still(trace.crank_angle.size)} | {body.name: _track(body, trace) for body in m.bodies}
+    for name, body in m.moving.items():
+        _, velocity, acceleration = moves[name].at(body.point("com") - body.centre)
+        parts = velocity.real, velocity.imag, acceleration.real, acceleration.imag, moves[name].spin_up
         found |= zip((signal.name for signal in moving(name)), parts, strict=True)
     slips = {joint.name: _slip(m, joint, moves) for joint in m.joints}
     for joint in m.joints:
@@ -65,47 +65,25 @@ def rate_signals(m: Mechanism, trace: Trace) -> dict[str, np.ndarray]:
     return found | {POWER.name: power}
 
 
-@dataclass(frozen=True)
-class _Moves:
-    """A body at the instants of a trace, ground frame: (N,) its centre of mass, complex, and how it turns."""
-
-    centre: complex  # m, in its own frame
-    place: np.ndarray
-    velocity: np.ndarray
-    acceleration: np.ndarray
-    angle: np.ndarray
-    spin: np.ndarray
-    spin_up: np.ndarray
-
-    @classmethod
-    def of(cls, body: Body, trace: Trace) -> _Moves:
-        """A body of a trace."""
-        angle, rates = trace.signals[f"{body.name}_angle"], trace.rates[body.name]
-        spin = trace.signals.get(f"{body.name}_angular_velocity", np.zeros(angle.shape))
-        marker = trace.signals[f"{body.name}_x"] + 1j * trace.signals[f"{body.name}_y"]
-        place = marker + (body.point(MASS_CENTRE) - body.point("com")) * np.exp(1j * angle)
-        moves = rates.velocity, rates.acceleration, angle, spin, rates.angular_acceleration
-        return cls(body.point(MASS_CENTRE), place, *moves)
-
-    def at(self, point: complex) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place, velocity and acceleration (N,) of a point (m) in the body's frame."""
-        arm = (point - self.centre) * np.exp(1j * self.angle)
-        turning = 1j * self.spin_up - self.spin**2
-        return self.place + arm, self.velocity + 1j * self.spin * arm, self.acceleration + turning * arm
+def _track(body: Body, trace: Trace) -> Track:
+    """How a body's centre of mass moves at the instants of a trace, and how the body turns."""
+    angle, rates = trace.signals[f"{body.name}_angle"], trace.rates[body.name]
+    spin = trace.signals.get(f"{body.name}_angular_velocity", np.zeros(angle.shape))
+    marker = trace.signals[f"{body.name}_x"] + 1j * trace.signals[f"{body.name}_y"]
+    place = marker + (body.centre - body.point("com")) * np.exp(1j * angle)
+    return Track(place, angle, rates.velocity, spin, rates.acceleration, rates.angular_acceleration)
 
 
-def _slip(m: Mechanism, joint: Joint, moves: Mapping[str, _Moves]) -> tuple[np.ndarray, np.ndarray]:
+def _slip(m: Mechanism, joint: Joint, moves: Mapping[str, Track]) -> tuple[np.ndarray, np.ndarray]:
     """Rate and acceleration (N,) of a joint's position: of its second body seen from its first."""
-    still = np.zeros(next(iter(moves.values())).spin.shape)
-    first, second = (moves.get(name) for name in joint.bodies)
-    spin, spin_up = (first.spin, first.spin_up) if first else (still, still)
+    first, second = (moves[name] for name in joint.bodies)
     if not joint.prismatic:
-        return (second.spin if second else still) - spin, (second.spin_up if second else still) - spin_up
-    ends = [
-        body.at(m.body(name).point(joint.name)) if body else (still + m.body(name).point(joint.name), still, still)
-        for name, body in zip(joint.bodies, (first, second), strict=True)
-    ]
-    apart, slip, push = (far - near for near, far in zip(*ends, strict=True))
-    along = np.conj(joint.direction * np.exp(1j * (first.angle if first else still)))
-    seen = slip - 1j * spin * apart  # by who turns with the first body
-    return np.real(along * seen), np.real(along * (push - 1j * spin_up * apart - 1j * spin * (slip + seen)))
+        return second.spin - first.spin, second.spin_up - first.spin_up
+    points = {name: m.parts[name].point(joint.name) for name in joint.bodies}
+    points = {name: at if name == GROUND else at - m.moving[name].centre for name, at in points.items()}
+    apart, slip, push = (
+        far - near for near, far in zip(*(moves[name].at(at) for name, at in points.items()), strict=True)
+    )
+    along = np.conj(joint.direction * first.turned)
+    seen = slip - 1j * first.spin * apart  # by who turns with the first body
+    return np.real(along * seen), np.real(along * (push - 1j * first.spin_up * apart - 1j * first.spin * (slip + seen)))

@@ -11,9 +11,9 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Mechanism
 from sim_models.common.start import Pose
+from sim_models.common.track import Track
 from sim_models.common.tree import Branch
 from sim_models.leapfrog.parts import Steered, moving_body
-from sim_models.run.track import Track
 
 
 class ForceBalance:

@@ -27,6 +27,7 @@ from sim_models.common.fading import fading
 from sim_models.common.mobility import mobility
 from sim_models.common.rates import rate_columns
 from sim_models.common.start import AT_REST, Pose
+from sim_models.common.track import Track
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch
 from sim_models.engine import Cause, Request, SettingValue, SimulationError
@@ -37,7 +38,6 @@ from sim_models.leapfrog.parts import STILL, BranchMotion, Pin, Steered, coordin
 from sim_models.leapfrog.striking import LeapfrogStriking
 from sim_models.run.grid import StepGrid
 from sim_models.run.path import Path
-from sim_models.run.track import Track
 
 FRICTION_LEFT = 1e-7  # of the largest reaction that friction grows with: what it may still change by
 FRICTION_ROUNDS = 100  # times that friction is found anew from the reactions that it changes

@@ -13,9 +13,9 @@ import numpy as np
 from analytic.mechanism import GROUND, Body, Joint, Mechanism
 from sim_models.common.contact_laws import KelvinVoigt, NamedLaw
 from sim_models.common.start import AT_REST, Pose
+from sim_models.common.track import Track
 from sim_models.common.travel import travel
 from sim_models.common.tree import Branch, grown, without_loops
-from sim_models.run.track import Track
 
 
 def moving_body(m: Mechanism, name: str) -> Body:

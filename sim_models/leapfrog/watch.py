@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from analytic.mechanism import MASS_CENTRE
+from sim_models.common.track import Track
 from sim_models.engine import Watched
 from sim_models.leapfrog.bodies import LeapfrogWorld
 from sim_models.leapfrog.parts import tracks
 from sim_models.run.grid import StepGrid
-from sim_models.run.track import Track
 
 
 class LeapfrogWatch:

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from analytic.mechanism.parts import TINY
+from sim_models.common.track import Track
 from sim_models.engine import Watched
 from sim_models.mujoco.model import MujocoLinkage
 from sim_models.mujoco.state import wall_rows
-from sim_models.run.track import Track
 
 
 class MujocoWatch:
