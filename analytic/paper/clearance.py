@@ -121,7 +121,6 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
     model: Model = "equilibrium",
     inertia: bool = True,
     clearances: Mapping[str, float] | None = None,
-    stiffnesses: Mapping[str, float] | None = None,
     near: Walk | None = None,
     motions: Sequence[int] = (),
     time: np.ndarray | None = None,
@@ -132,18 +131,17 @@ def displaced(  # noqa: PLR0913 - a motion, and what may replace the linkage's o
 
     ``omega`` and ``alpha`` are the crank's angular velocity (rad/s) and acceleration (rad/s^2) there; the acceleration
     must change slowly.  Without ``inertia`` the equilibrium is static and omega only gives friction its direction.
-    ``clearances`` (m) and ``stiffnesses`` (N/m, radial, of bearings) replace the mechanism's own.  With several inputs
-    ``near`` are the samples' coordinates, where they are known already.  ``motions`` are how many samples there are of
-    each of several motions of a crank, one after the other: which reactions are too faint for a direction depends on
-    each by itself.  ``time`` (N,) s is for loads that vary over it.  Raises AssemblyError where the ideal or the
-    displaced linkage cannot be assembled.
+    ``clearances`` (m) replace the mechanism's own.  With several inputs ``near`` are the samples' coordinates, where
+    they are known already.  ``motions`` are how many samples there are of each of several motions of a crank, one after
+    the other: which reactions are too faint for a direction depends on each by itself.  ``time`` (N,) s is for loads
+    that vary over it.  Raises AssemblyError where the ideal or the displaced linkage cannot be assembled.
     """
     drive = np.concatenate(np.broadcast_arrays(np.atleast_2d(np.asarray(theta, float)), omega, alpha)).astype(float)
     m, k = assembly.mechanism, len(assembly.structure.inputs)
     loose = {name: c for name, c in (m.clearances if clearances is None else clearances).items() if c > 0}
     blocks = {name: GuidedBlock.of(m, name, c) for name, c in loose.items() if m.joint(name).prismatic}
     sizes = {name: c for name, c in loose.items() if name not in blocks}
-    give = {name: 1 / k for name, k in (m.soft_bearings if stiffnesses is None else stiffnesses).items()}
+    give = {name: 1 / k for name, k in m.soft_bearings.items()}
     turning = bool(inertia and np.any(drive[k:]))
     reach = (2 * GAP_STENCIL if give else GAP_STENCIL) if turning and (loose or give) else 0.0
     path: CrankTable | None = None

@@ -34,8 +34,6 @@ FREE_PIVOT = 1e-14  # pivot of the stiffness, scaled to a unit diagonal, below w
 
 PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)  # freedoms of a node; the last is the rotation about z
 
-LoadValues = Mapping[str, np.ndarray | complex | float]
-
 
 @dataclass(frozen=True)
 class Compliance:
@@ -89,27 +87,19 @@ def compliance(
     motion: Motion,
     inertia: bool = False,
     *,
-    forces: LoadValues | None = None,
-    torques: LoadValues | None = None,
     beam: Callable[[ElasticBar], np.ndarray] = beam_stiffness,
 ) -> Compliance:
     """Elastic displacements under the forces that :func:`kinetostatics` sees too, with the crank held at the drive (Eq.
     7).
 
-    Those are weight, loads, springs, friction and, with ``inertia``, inertia and damping.  Further ``forces`` (N,
-    complex, ground frame) and ``torques`` (N.m) act on bodies' coms; values are (N,) or constant.  The superposition of
-    Fig. 7c wants the motion without gaps; in a motion with gaps each pin keeps its place in its bearing.
+    Those are weight, loads, springs, friction and, with ``inertia``, inertia and damping.  The superposition of Fig. 7c
+    wants the motion without gaps; in a motion with gaps each pin keeps its place in its bearing.
 
-    Friction that grows with reactions grows with the rigid linkage's, which has no further forces.
+    Friction that grows with reactions grows with the rigid linkage's.
     Raises ComplianceError for a flexible body without a section, or where the loads are not carried (a change point).
     """
     structure = _Structure(motion, beam)
-    if structure.mechanism.load_rubbed and (forces or torques):
-        raise ComplianceError(
-            f"{structure.mechanism.name}: {structure.mechanism.load_rubbed[0].load_law} makes friction that further"
-            " forces would change; give them as loads of the mechanism"
-        )
-    load = structure.loads(inertia, forces or {}, torques or {})
+    load = structure.loads(inertia)
     n = motion.theta.size
     parts = [
         structure.solve(slice(i, i + STRUCTURES_AT_ONCE), load[i : i + STRUCTURES_AT_ONCE])
@@ -249,7 +239,7 @@ class _Structure:
                 out[:, i, j] = spring.stiffness * u * v + across * ((i == j) - u * v)
         return out
 
-    def loads(self, inertia: bool, forces: LoadValues, torques: LoadValues) -> np.ndarray:
+    def loads(self, inertia: bool) -> np.ndarray:
         """W (N, n): forces and moments on the nodes."""
         load = np.zeros((self.motion.theta.size, self.size))
 
@@ -260,12 +250,7 @@ class _Structure:
             load[:, freedoms[-1]] += (np.conj(arm) * force).imag + np.real(torque)
 
         for body in self.mechanism.bodies:
-            add(
-                body.name,
-                MASS_CENTRE,
-                body.mass * complex(*self.mechanism.gravity) + forces.get(body.name, 0.0),
-                torques.get(body.name, 0.0),
-            )
+            add(body.name, MASS_CENTRE, body.mass * complex(*self.mechanism.gravity), 0.0)
             if inertia:
                 m = self.motion
                 force = -body.mass * m.acceleration(body.name, MASS_CENTRE)
@@ -334,7 +319,7 @@ class _Structure:
         free = {joint.name: self.kept.index(_free(joint)) for joint in self.mechanism.joints}
         return {name: np.einsum("ni,ni->n", self.slips[name][:, axis], u) for name, axis in free.items()}
 
-    def by_springs(self, u: np.ndarray, positions: LoadValues) -> dict[str, np.ndarray]:
+    def by_springs(self, u: np.ndarray, positions: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """What springs ask more of joints and drives, N and N.m by signal, where displacements (N, n) take them."""
         m = self.mechanism
         laws = {

@@ -235,11 +235,9 @@ def kinetostatic_matrix(bar: FourBar, angle: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def printed_reactions(
-    bar: FourBar, motion: FourBarMotion, force_y: float, load_torque: float = 0.0
-) -> dict[str, np.ndarray]:
+def printed_reactions(bar: FourBar, motion: FourBarMotion, force_y: float) -> dict[str, np.ndarray]:
     """Eq. 11 as printed, with the load F_y (N) of the coupler's com in the x row: wrong, see the module's table."""
-    return _reactions(bar, motion, 3, force_y, load_torque)
+    return _reactions(bar, motion, 3, force_y, 0.0)
 
 
 def reactions(bar: FourBar, motion: FourBarMotion, force_y: float, load_torque: float = 0.0) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analytic.kinematics.assembly import Assembly, CrankTable, Walk
+from analytic.kinematics.assembly import Assembly, CrankTable
 from analytic.kinematics.motion import kinematics
 from analytic.kinematics.output import Output
 from analytic.mechanism.one_line import angles, clearances, count, one_line
@@ -105,15 +105,13 @@ def total_displacement(
     model: Model = "first_order",
     inertia: bool = False,
     clearances: Mapping[str, float] | None = None,
-    near: Walk | None = None,
 ) -> Total:
     """Superpose clearance (``model``) and the ideal configuration's compliance at crank angles theta (N,) rad.
 
-    With ``first_order`` this is the paper's procedure.  Several inputs are (n_inputs, N), and ``near`` what they are in
-    :func:`analytic.paper.clearance.displaced`; their drives hold their joints.  Raises what that and
-    :func:`analytic.paper.compliance.compliance` raise.
+    With ``first_order`` this is the paper's procedure.  Several inputs are (n_inputs, N); their drives hold their
+    joints.  Raises what :func:`analytic.paper.clearance.displaced` and :func:`analytic.paper.compliance.compliance` do.
     """
-    moved = displaced(assembly, theta, omega, model=model, inertia=inertia, clearances=clearances, near=near)
+    moved = displaced(assembly, theta, omega, model=model, inertia=inertia, clearances=clearances)
     return Total(moved, compliance(moved.ideal.motion, inertia))
 
 
