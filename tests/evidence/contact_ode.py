@@ -132,6 +132,7 @@ def loop_of(mechanism: Mechanism, theta: float = 0.0, law: NamedLaw | None = Non
     clearance, stop = joint.clearance, (math.inf, 0.0, 0.0)
     for one in mechanism.stops:
         assert (one.joint, one.start, base.bodies, base.prismatic) == (base.name, None, (GROUND, who.second), False)
+        assert one.end is not None
         stop = one.end, one.stiffness, one.damping
     return Loop(
         theta, speed, mechanism.ground.point(hub), crank.point(knee) - crank.point(hub), push0 + weigh, torque0,
