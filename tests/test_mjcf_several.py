@@ -22,7 +22,7 @@ from marks import slow, slow_but
 from mjcf_files import PLAIN, written
 from mjcf_several_files import ARM, FILES, FIVE_BAR, RK4, SLIDER_CRANK, STIFF, THREE_CRANKS, THREE_RPR, altered
 from several_linkages import CASES, KNOTS, Knots, referee, splines, waved
-from several_truths import G, close, double_pendulum, turned_round
+from several_truths import G, agrees, close, double_pendulum, turned_round
 from sim_models.engine import Motion, Trace, Unsupported, engine
 from sim_models.mjcf.errors import MjcfError
 from sim_models.mjcf.imported import imported
@@ -152,23 +152,9 @@ def test_a_platform_follows_a_path(tmp_path: Path) -> None:
 
 
 def agrees_with_the_referee(m: Mechanism, trace: Trace, courses: Knots, times: np.ndarray, within: float) -> None:
-    """Angles to 1e-6 rad; forces, moments and what motors do to a share of the largest force."""
-    judge, posed = referee(m, courses, times)
-    size, largest = max(body.length for body in m.bodies), max(abs(p.forces[j.name]) for p in posed for j in m.joints)
-    for body in m.bodies:
-        k = judge.index[body.name]
-        close(trace.signals[f"{body.name}_angle"], np.array([p.q[k + 2] for p in posed]), 1e-6)
-        close(trace.signals[f"{body.name}_angular_velocity"], np.array([p.rates[k + 2] for p in posed]), 1e-4)
-    for joint in m.joints:
-        force = np.array([p.forces[joint.name] for p in posed])
-        close(vector(trace, f"reaction_{joint.name}"), force, within * largest, joint.name)
-    for name in posed[0].moments:
-        moment = np.array([p.moments[name] for p in posed])
-        close(trace.signals[f"reaction_{name}_moment"], moment, within * largest * size, name)
+    """Forces, moments and what motors do to a share of the largest one."""
+    agrees(m, trace, *referee(m, courses, times), within=within, motors=within, rates=1e-4)
     for name in courses:
-        kind, reach = ("force", 1.0) if m.joint(name).prismatic else ("torque", size)
-        given = np.array([p.motors[name] for p in posed])
-        close(trace.signals[f"drive_{kind}_{name}"], given, within * largest * reach, name)
         close(trace.signals[f"position_{name}"], splines(courses)[name](times), 1e-11)
 
 

@@ -403,14 +403,9 @@ def test_springs_pull_a_cranks_linkage_as_the_referee_says(name: str, motion: Mo
     speed = 0.0 if motion == "static" else float(m.speed or 0.0)
     q = judge.home({"D": m.assembly["crank"]})
     posed = [judge.driven_at(q, {"D": (float(angle), speed, 0.0)}) for angle in theta]
-    largest = max(abs(force) for p in posed for force in p.forces.values())
     lagging = name in ("pybullet", "dart") and motion == "driven"  # a leapfrog's dampers do, by half a step
     late = 5e-5 if lagging else 2e-6
-    for joint in m.joints:
-        force = np.array([p.forces[joint.name] for p in posed])
-        close(vector(trace, f"reaction_{joint.name}"), force, late * largest, joint.name)
-    torque = np.array([p.motors["D"] for p in posed])
-    close(trace.signals["drive_torque"], torque, late * np.abs(torque).max())
+    agrees(m, trace, judge, posed, within=late, motors=late, rates=late)
 
 
 SPRUNG: list[tuple[str, JointModel, Motion]] = [
