@@ -61,16 +61,25 @@ def agrees(
         close(trace.rates[body.name].velocity, speeds[:, 0] + 1j * speeds[:, 1], rates * size * top)
         inertia = body.mass * trace.rates[body.name].acceleration
         close(inertia, body.mass * (bends[:, 0] + 1j * bends[:, 1]), within * largest)
+    forces_agree(m, trace.signals, posed, within=within, motors=motors)
+
+
+def forces_agree(
+    m: Mechanism, signals: Mapping[str, np.ndarray], posed: list[Posed], *, within: float, motors: float
+) -> None:
+    """What is determined of forces and moments ``within`` a share of the largest force, what ``motors`` do likewise."""
+    size = max(body.length for body in m.bodies)
+    largest = max(abs(p.forces[j.name]) for p in posed for j in m.joints)
     for name in {j.name for j in m.joints} - posed[0].undetermined:
-        close(vector(trace, f"reaction_{name}"), np.array([p.forces[name] for p in posed]), within * largest)
+        close(vector(signals, f"reaction_{name}"), np.array([p.forces[name] for p in posed]), within * largest, name)
     for name in posed[0].moments:
-        seen = trace.signals[f"reaction_{name}_moment"]
-        close(seen, np.array([p.moments[name] for p in posed]), within * largest * size)
+        seen = signals[f"reaction_{name}_moment"]
+        close(seen, np.array([p.moments[name] for p in posed]), within * largest * size, name)
     most = max((abs(x) for p in posed for x in p.motors.values()), default=0.0)
     for name in posed[0].motors:
         kind = "force" if m.joint(name).prismatic else "torque"
         signal = f"drive_{kind}_{name}" if len(posed[0].motors) > 1 or kind == "force" else "drive_torque"
-        close(trace.signals[signal], np.array([p.motors[name] for p in posed]), motors * most)
+        close(signals[signal], np.array([p.motors[name] for p in posed]), motors * most, name)
 
 
 # ---------------------------------------------------------------- energy

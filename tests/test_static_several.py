@@ -28,7 +28,7 @@ from engines_here import present
 from marks import slow, slow_but
 from maximal import Maximal, Posed
 from several_linkages import CASES, KNOTS, SHIPPED, TIMES, Knots, splines, waved
-from several_truths import agrees, close
+from several_truths import agrees, close, forces_agree
 from sim_models.engine import ENGINES, Cause, JointModel, SimulationError, Trace, Unsupported, engine
 
 EACH = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ENGINES]
@@ -91,19 +91,9 @@ def efforts(signals: Mapping[str, np.ndarray], m: Mechanism) -> dict[str, np.nda
 def test_reactions_and_drives_are_the_multipliers_of_the_referee(name: str) -> None:
     m = CASES[name].with_clearances({})
     found, posed = analysed(m, waved(m)).signals, held(Maximal(m, tuple(waved(m))), waved(m), TIMES)
-    largest = max(abs(force) for p in posed for force in p.forces.values())
-    for joint in m.joints:
-        theirs = np.array([p.forces[joint.name] for p in posed])
-        ours = found[f"reaction_{joint.name}_x"] + 1j * found[f"reaction_{joint.name}_y"]
-        if joint.name in posed[0].undetermined:
-            assert np.all(np.isnan(ours))
-        else:
-            close(ours, theirs, 1e-10 * largest)
-    if m.cranked:
-        close(found["drive_torque"], np.array([p.motors["D"] for p in posed]), 1e-10 * largest)
-        return
-    for joint, ours in efforts(found, m).items():
-        close(ours, np.array([p.motors[joint] for p in posed]), 1e-10 * largest)
+    forces_agree(m, found, posed, within=1e-10, motors=1e-10)
+    for joint in posed[0].undetermined:
+        assert np.all(np.isnan(vector(found, f"reaction_{joint}")))
     for body in m.bodies:
         assert not found[f"{body.name}_angular_velocity"].any()
 
@@ -309,10 +299,7 @@ def test_pins_lie_on_their_rims_where_the_referee_has_their_reactions_point(name
             across = (posed[-1].forces[joint] * np.conj(gap)).imag / abs(gap)
             assert (posed[-1].forces[joint] * np.conj(gap)).real > 0
             assert abs(across) < 1e-6 * max(abs(force) for force in posed[-1].forces.values())
-    largest = max(abs(p.forces[j.name]) for p in posed for j in m.joints)
-    for joint in m.joints:
-        theirs = np.array([p.forces[joint.name] for p in posed])
-        close(vector(trace, f"reaction_{joint.name}"), theirs, 1e-5 * largest)
+    forces_agree(m, trace.signals, posed, within=1e-5, motors=1e-5)
 
 
 @pytest.mark.long_rows("first_order")

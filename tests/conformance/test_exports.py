@@ -31,7 +31,7 @@ from linkages import curved_slider, inverted_slider
 from marks import slow_but
 from maximal import Maximal
 from several_linkages import CASES, KNOTS, SHIPPED, SLIDES, referee, sprung, third_bar
-from several_truths import SWINGING, turned_round
+from several_truths import SWINGING, forces_agree, turned_round
 from sim_models.common.units import Units
 from sim_models.engine import (
     ENGINES,
@@ -524,16 +524,7 @@ def test_the_bare_engine_is_right_by_the_referee(name: str, case: str, motion: s
             posed.append(judge.driven_at(q, {j: (found[f"position_{j}"][k], 0.0, 0.0) for j in joints}))
             q = posed[-1].q
     within = RIGHT[name] if motion == "driven" else 1e-8 if name == "exudyn" else 1e-6
-    largest = max(abs(p.forces[j.name]) for p in posed for j in m.joints)
-    for joint in m.joints:
-        right = np.array([p.forces[joint.name] for p in posed])
-        seen = found[f"reaction_{joint.name}_x"] + 1j * found[f"reaction_{joint.name}_y"]
-        np.testing.assert_allclose(seen, right, rtol=0, atol=within * largest, err_msg=joint.name)
-    most = max(abs(value) for p in posed for value in p.motors.values())
-    for joint in m.motors:
-        kind = "force" if joint.prismatic else "torque"
-        right = np.array([p.motors[joint.name] for p in posed])
-        np.testing.assert_allclose(found[f"drive_{kind}_{joint.name}"], right, rtol=0, atol=within * most)
+    forces_agree(m, found, posed, within=within, motors=within)
 
 
 @pytest.mark.slow
