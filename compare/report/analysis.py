@@ -30,7 +30,7 @@ def judged(result: Analysis) -> list[JUnitSuite]:
     """Each limit that was asked for as a test case."""
     cases = [
         JUnitCase(
-            (result.case, "limits"),
+            (result.case, "limit"),
             name,
             said=sentence,
             failure=sentence if limit.verdict != "holds" else "",
