@@ -95,6 +95,23 @@ def test_bad_input_leaves_one_error_in_the_junit_file_which_the_next_answer_repl
     assert not list(ElementTree.parse(job / "out" / "junit.xml").iter("error"))
 
 
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        (["baseline", "check", "--junit", "out/junit.xml", "--nonsense"], "No such option"),
+        (["baseline", "check", "--junit=out/junit.xml", "--cases", "paper"], "No such option"),
+        (["diagnose", "absent.toml", "--out", "out", "--seed", "one"], "No such option: --seed"),
+        (["--simulator", "mujoco", "--out", "out", "--revolutions", "many"], "Invalid value for '--revolutions'"),
+    ],
+)
+def test_words_that_no_command_has_leave_their_error_too(line: list[str], why: str, job: Path) -> None:
+    assert commands.compare(*line, cwd=job).returncode == 2
+    (error,) = ElementTree.parse(job / "out" / "junit.xml").iter("error")
+    assert why in error.get("message", "")
+    assert commands.compare("plan", "paper", "--out", "plan", "--nonsense", cwd=job).returncode == 2
+    assert not (job / "plan").exists()  # a plan judges nothing
+
+
 def test_the_page_of_a_run_begins_with_the_verdict_and_the_worst_number(
     job: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
