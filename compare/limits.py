@@ -43,7 +43,8 @@ def limited(given: object, known: Mapping[str, Limitable], unknown: str) -> dict
         raise ArgumentError("limits", f"{quoted(given)} cannot be used; give them by name, as {next(iter(known))}=...")
     for name in given:
         if name not in known:
-            near = get_close_matches(str(name), known, n=1) or [each for each in known if str(name) in each.split("_")]
+            parts = set(str(name).split("_"))
+            near = [each for each in known if parts <= set(each.split("_"))] or get_close_matches(str(name), known, n=1)
             first = [*list(known)[:MOST_LISTED], *["..."] * (len(known) > MOST_LISTED)]
             those = f"did you mean {near[0]}?" if near else f"they are {', '.join(first)}"
             raise ArgumentError("limits", f"{name} is {unknown}; {those}")

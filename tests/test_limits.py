@@ -108,6 +108,8 @@ def test_a_sweep_tells_at_which_points_a_limit_is_broken() -> None:
     ("limit", "why"),
     [
         ("B=5N", "B is nothing of crank-rocker that may have a limit; did you mean reaction_B?"),
+        ("follower=60deg", "did you mean stroke_follower?"),
+        ("follower_stroke=60deg", "did you mean stroke_follower?"),
         ("transmission=40deg", "did you mean transmission_angle?"),
         ("stroke_follower=40deg", "stroke_follower = 40deg may be the least or the largest; write 40deg: or :40deg"),
         ("stroke_follower=40:30deg", "the least comes first"),
@@ -124,6 +126,11 @@ def test_a_sweep_tells_at_which_points_a_limit_is_broken() -> None:
 def test_what_is_no_limit_is_refused_with_its_remedy(limit: str, why: str, tmp_path: Path) -> None:
     assert_refused(compare("crank-rocker", "--limit", limit, cwd=tmp_path), why)
     assert not (tmp_path / "reports").exists()
+
+
+def test_a_cross_check_leads_to_the_command_that_has_limits(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", "--limit", "reaction_B=5N", cwd=tmp_path)
+    assert_refused(done, "No such option: --limit", "compare LINKAGE.toml --limit")
 
 
 def test_the_stroke_of_a_slide_is_two_cranks() -> None:

@@ -71,6 +71,8 @@ def _plain() -> Iterator[None]:
         options = {option.name for option in error.ctx.command.params} if error.ctx else set()
         if re.match(r"No such (command|option):? '?(ci|(--)?junit)\b", said):
             said, error.possibilities = f"{said.rstrip('.')}; {IN_CI}", None
+        elif re.match(r"No such option: '?--limit\b", said) and not error.ctx.parent:
+            said = f"{said.rstrip('.')}; limits are of one side: compare LINKAGE.toml --limit reaction_B=500N"
         elif said.startswith("Got unexpected extra argument") and "case" in options:
             said = f"{said}; a linkage is named with --case"
         error.message = said
