@@ -30,7 +30,7 @@ from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
 from compare.results.toleranced import AccuracyByTolerance
 from compare.schedules import crank_angles
-from compare.toleranced import limited, of_outputs, states_tolerances, varying
+from compare.toleranced import limits_by_output, of_outputs, states_tolerances, varying
 from compare.versions import versions
 from sim_models.engine import Motion
 
@@ -82,7 +82,7 @@ def _by_tolerances(
 ) -> AccuracyByTolerance | None:
     """What tolerances do to a result's outputs; None where nothing varies.  Raises ArgumentError, AssemblyError."""
     m, outputs = assembly.mechanism, named_outputs(question.outputs, assembly.mechanism)
-    limits = {} if question.limits is None else limited(question.limits, outputs)
+    limits = {} if question.limits is None else limits_by_output(question.limits, outputs)
     if question.min_yield is not None and not limits:
         raise ArgumentError("min_yield", "is of linkages within limits; give them by `limits`, or leave it out")
     if limits and not varied:

@@ -34,6 +34,7 @@ from compare.faults import ArgumentError
 from compare.judge.reference import Reference, reference, with_flexible_links
 from compare.judge.reruns import too_soft
 from compare.judge.signals import only, with_derived
+from compare.limits import TRANSMISSION, limits_of
 from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.quantities import plain, shown
 from compare.questions.analyse import AnalyseQuestion, RunQuestion, SimulateQuestion
@@ -67,7 +68,9 @@ def analyse(question: AnalyseQuestion) -> Analysis:
 
     A linkage that no single crank moves is analysed at ``times`` (N,) s, its drives at their speeds, along the
     ``course`` of a file or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`; in
-    ``static`` motion at rest in each of those poses.
+    ``static`` motion at rest in each of those poses.  ``limits`` are numbers that the linkage has to keep, such as
+    ``{"reaction_B": "500 N", "transmission_angle": "40 deg", "stroke_rocker": "84:87 deg"}``; a range is
+    ``least:largest``.
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
     motion, model, compliance = question.motion, question.model, question.compliance
@@ -99,7 +102,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         if varied:
             ask = _signals_of(question, schedule)
             optional["tolerances"] = of_signals(m, varied, side.signals, ask, question.samples, question.seed)
-    return Analysis(
+    result = Analysis(
         case=m.name,
         mechanism=m,
         motion=motion,
@@ -114,6 +117,8 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         assumed=assumed(m),
         **optional,
     )
+    kept = {} if question.limits is None else {"limits": limits_of(result, question.limits)}
+    return result.model_copy(update=kept)
 
 
 def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> Reference:
@@ -221,7 +226,9 @@ def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion)
 
     def look(at: np.ndarray) -> dict[str, np.ndarray]:
         moved = replace(schedule, time=at) if theta is None else schedule.turned_to(m, at)
-        signals = _side(assembly, moved, question).signals
+        signals = dict(_side(assembly, moved, question).signals)
+        if theta is not None:
+            signals[TRANSMISSION] = np.arcsin(np.minimum(transmission(condition(along(assembly, moved))), 1.0))
         return {name: values for name, values in signals.items() if np.isfinite(values).any()}
 
     try:

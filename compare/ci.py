@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from compare.files import NOT_XML, relative
+from compare.files import NOT_XML, escape_markdown, relative
 
 MOST_ANNOTATIONS = 10  # errors of one step that GitHub shows
 NO_ANSWER = "compare without an answer"  # what tests are called where a command had none
@@ -21,8 +22,8 @@ class JUnitCase:
     ``kind``.
 
     ``place`` is what it belongs to, from large to small.  ``look`` is a command that shows it, with ``{file}`` for the
-    result's JSON file, ``times`` how many times its tolerance a difference is, ``file`` the file at fault where that is
-    not the one the command was given.
+    result's JSON file, ``times`` how many times its tolerance a difference is (infinite of a verdict on all of them),
+    ``file`` the file at fault where that is not the one the command was given.
     """
 
     place: tuple[str, ...]
@@ -96,6 +97,28 @@ def annotated(suites: Sequence[JUnitSuite], file: str, kept: str) -> list[str]:
         return lines
     more = f"{len(lines) - MOST_ANNOTATIONS + 1} more are wrong; {kept} has them all"
     return [*lines[: MOST_ANNOTATIONS - 1], annotation(more, "and more", file)]
+
+
+def summed_up(suites: Sequence[JUnitSuite]) -> str:
+    """The verdict in a line: how many cases are wrong, and what is the worst or, where none is, the nearest to that;
+    empty of what judges nothing.
+    """
+    cases, bad = [case for suite in suites for case in suite.cases], wrong(suites)
+    if not cases:
+        return ""
+    first = max(bad or cases, key=lambda case: case.times)
+    said = first.failure or first.error or first.said
+    of = f"✗ {first.place[0]}: {len(bad)} of {len(cases)} wrong" if bad else f"✓ {first.place[0]}: {len(cases)} right"
+    which = "the worst" if bad else "the nearest to wrong"
+    return of + (f"; {which}: {', '.join(first.place[1:])}: {said}" if said else "")
+
+
+def head_summary(line: str) -> None:
+    """Put a line on the page of the run, in a workflow of GitHub; nothing where that is not to be written."""
+    path = os.environ.get("GITHUB_STEP_SUMMARY", "")
+    if in_workflow() and path and line:
+        with suppress(OSError), open(path, "a", encoding="utf-8") as file:
+            file.write(f"{escape_markdown(relative(line))}\n\n")
 
 
 def annotation(message: str, title: str, file: str) -> str:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from analytic.errors import Error
-from compare.ci import annotation, in_workflow, source
+from compare.ci import annotation, head_summary, in_workflow, source
 from compare.recorded.errors import first_faults
 
 if TYPE_CHECKING:
@@ -164,6 +164,8 @@ def stop(error: object, status: Exit, file: str = "", told: Callable[[str], str]
         typer.echo(f"compare: {text}", err=True)
         if in_workflow() and fault in marked and status in (Exit.BAD_INPUT, Exit.SIMULATOR_FAILED):
             typer.echo(annotation(text, "compare", file), err=True)
+    if status != Exit.INTERRUPTED:
+        head_summary(f"✗ no answer: {printable(told(marked[0]))}{' and more' * (len(marked) > 1)}")
     return Stopped(status, "; ".join(marked))
 
 

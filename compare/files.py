@@ -35,6 +35,11 @@ def relative(text: str) -> str:
     return re.sub(rf"(?<![\w/.]){here}(?:(/)|(?![\w.-]))", lambda path: "" if path[1] else ".", text)
 
 
+def escape_markdown(text: str) -> str:
+    """Text as a Markdown table cell or sentence shows it, markup and line breaks made harmless."""
+    return re.sub(r"([\\`*_\[\]|<>&#~!$@])", r"\\\1", re.sub(r"\s+", " ", str(text)))
+
+
 def output_folder(path: Path, option: str = "--out") -> Path:
     """The folder that an option names, made if need be and proven writable.  Raises OutputError."""
     try:

@@ -285,7 +285,7 @@ def _answer(run: Mapping[str, object]) -> Answer:
 
 def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
     """The largest of each signal on request, of each joint's reaction and of what each drive gives, and where it is;
-    and the error of each output.
+    the error of each output, and the share of limits broken.
     """
     known, drives = quantities(result.mechanism), drive_signals(result.mechanism)
     reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
@@ -301,6 +301,9 @@ def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
     for name, error in result.errors.items():
         columns[f"error_{name}"] = SweptColumn(group="error", label=f"error of {name}", unit=error.unit)
         numbers[f"error_{name}"] = _largest(error.equilibrium)
+    if result.limits:
+        columns["broken"] = SweptColumn(group="limit", label="limits broken", unit="1")
+        numbers["broken"] = sum(each.verdict != "holds" for each in result.limits.values()) / len(result.limits)
     remark = _unanswered(result.flags, len(result.crank_angle))
     return Answer(at=at, columns=columns, numbers=numbers, remark=remark, warnings=result.warnings)
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from numbers import Real
 
 import numpy as np
 
 from analytic.beyond_paper.tolerances import TAIL, toleranced_errors
 from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism, MechanismError
-from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, named
 from analytic.mechanism.tolerances import Source, changed, sources
-from analytic.mechanism.units import UnitError
-from analytic.mechanism.written import quantity
 from analytic.paper.superposition import AccuracyAnalysis
 from compare.faults import ArgumentError
+from compare.limits import Limitable, limited
 from compare.results.toleranced import (
     AccuracyByTolerance,
     ByTolerance,
@@ -52,31 +49,14 @@ def varying(m: Mechanism, replaced: bool) -> tuple[tuple[Source, ...], list[str]
     return tuple(kept), [f"left out: tolerances of {left_out}, as other clearances were asked for"] if given else []
 
 
-def limited(given: object, outputs: list[Output]) -> dict[Output, float]:
-    """Limits by output (m or rad) as they were given, numbers or strings with units.  Raises ArgumentError."""
-    known = {d.name: d for d in outputs}
-    if not isinstance(given, Mapping):
-        raise ArgumentError(
-            "limits", f"{quoted(given)} cannot be used; give limits by output, such as {next(iter(known))}=..."
-        )
-    limits = {}
-    for name, size in given.items():
-        if name not in known:
-            raise ArgumentError("limits", f"{name} is no output that is looked at; they are {', '.join(known)}")
-        unit = known[name].unit
-        try:
-            value = quantity(size, unit) if isinstance(size, str) else size
-            bare = value is None
-            value = float(size) if bare else value
-        except (UnitError, ValueError) as error:
-            why = str(error) if isinstance(error, UnitError) else f"no number; give {unit}, or a number with its unit"
-            raise ArgumentError("limits", f"{name} = {quoted(size)} has {why}") from None
-        if not isinstance(value, Real) or isinstance(value, bool) or not 0 < float(value) < math.inf:
-            raise ArgumentError("limits", f"{name} = {quoted(size)}; give {unit}, above 0")
-        if bare and unit == "rad":
-            raise ArgumentError("limits", f"{name} = {size} has no unit; write {size}deg, or {size}rad if meant")
-        limits[known[name]] = float(value)
-    return limits
+def limits_by_output(given: object, outputs: list[Output]) -> dict[Output, float]:
+    """Largest good errors, to either side, by output (m or rad), as they were given.  Raises ArgumentError."""
+    known = {d.name: Limitable(d.unit) for d in outputs}
+    limits = limited(given, known, "no output that is looked at")
+    for name, (least, largest) in limits.items():
+        if least != -largest:
+            raise ArgumentError("limits", f"{name} has a range; an error has one limit to either side: give {name}=...")
+    return {d: limits[d.name][1] for d in outputs if d.name in limits}
 
 
 def of_outputs(

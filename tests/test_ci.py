@@ -95,6 +95,54 @@ def test_bad_input_leaves_one_error_in_the_junit_file_which_the_next_answer_repl
     assert not list(ElementTree.parse(job / "out" / "junit.xml").iter("error"))
 
 
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        (["baseline", "check", "--junit", "out/junit.xml", "--nonsense"], "No such option"),
+        (["baseline", "check", "--junit=out/junit.xml", "--cases", "paper"], "No such option"),
+        (["diagnose", "absent.toml", "--out", "out", "--seed", "one"], "No such option: --seed"),
+        (["--simulator", "mujoco", "--out", "out", "--revolutions", "many"], "Invalid value for '--revolutions'"),
+    ],
+)
+def test_words_that_no_command_has_leave_their_error_too(line: list[str], why: str, job: Path) -> None:
+    assert commands.compare(*line, cwd=job).returncode == 2
+    (error,) = ElementTree.parse(job / "out" / "junit.xml").iter("error")
+    assert why in error.get("message", "")
+    assert commands.compare("plan", "paper", "--out", "plan", "--nonsense", cwd=job).returncode == 2
+    assert not (job / "plan").exists()  # a plan judges nothing
+
+
+def test_the_page_of_a_run_begins_with_the_verdict_and_the_worst_number(
+    job: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = job / "summary.md"
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(page))
+    asked = ("crank-rocker", "--out", "out", "-q", "--overwrite", "--limit")
+    for limits, status in (
+        ("reaction_B=5N,transmission_angle=40deg", 1),
+        ("reaction_B=20N,reaction_D=20N", 0),
+        ("B=1N", 2),
+    ):
+        assert commands.compare(*asked, limits, cwd=job).returncode == status
+    assert commands.compare("crank-rocker", "-q", cwd=job).returncode == 0  # which judges nothing
+    wrong, right, none = page.read_text(encoding="utf-8").replace("\\", "").split("\n\n")[:-1]
+    said = "reaction_B is 10.2 N at 15.45 deg, more than its limit of 5 N"
+    assert wrong == f"✗ crank-rocker: 2 of 2 wrong; the worst: limit: {said}"
+    assert right.startswith("✓ crank-rocker: 2 right; the nearest to wrong: limit: reaction_D is 16.987 N")
+    assert none.startswith("✗ no answer: --limit B=1N: B is nothing of crank-rocker")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(job))  # a folder: no page, and no fault of the command
+    assert commands.compare(*asked, "reaction_B=5N", cwd=job).returncode == 1
+
+
+@pytest.mark.mujoco
+def test_a_cross_check_puts_its_verdict_before_its_report(job: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(job / "summary.md"))
+    commands.compare(*DISAGREEING, "--out", "out", "-q", cwd=job)
+    line = (job / "summary.md").read_text(encoding="utf-8")
+    worst = "mujoco, contact, static: reaction angle at D: +11.32 deg at 160 deg"
+    assert line.startswith(f"✗ paper: 13 of 13 wrong; the worst: {worst}")
+
+
 def test_results_that_disagree_are_annotated_on_their_file_and_looked_at(job: Path) -> None:
     """Recorded results, one reaction a fifth too large; then a file with two faults, each marked by itself."""
     done = commands.compare("analyse", "--motion", "static", "--out", "one", "-q", cwd=job)

@@ -219,6 +219,24 @@ def test_a_rocker_that_a_brake_stops_while_its_pins_cross_takes_what_the_brake_t
     assert stroke == pytest.approx(rigid, abs=0.01)
 
 
+@pytest.mark.slow
+@pytest.mark.mujoco
+def test_a_wiper_that_disagrees_says_where_its_pins_cross_and_agrees_at_rest() -> None:
+    """Reactions turn round with the rocker, whose dead centres are where crank and coupler are in line."""
+    wiper = loads(WIPER)
+    asked = {"simulator": "mujoco", "joint_model": "spring-damper", "revolutions": 0}
+    driven, still = (lc.crosscheck(wiper, motion=motion, **asked) for motion in ("driven", "static"))
+    (run,) = driven.runs
+    assert run.because is not None
+    said = re.search(r"reactions do \(by ([\d.]+), ([\d.]+) deg\)", run.because.words)
+    assert said is not None, run.because.words
+    ends = [math.acos((r**2 + 0.31**2 - 0.06**2) / (2 * r * 0.31)) for r in (0.34, 0.26)]  # of crank and coupler
+    dead = [math.degrees(ends[0]), math.degrees(math.pi + ends[1])]
+    assert all(0 <= float(at) - end <= 5.001 for at, end in zip(said.groups(), dead, strict=True)), (said[0], dead)
+    assert "--motion static" in run.because.words
+    assert still.verdict == "agrees"
+
+
 @pytest.mark.long_rows("dart-driven", "pybullet-driven", "mujoco-driven")
 @pytest.mark.parametrize("motion", ["driven", "static"])
 @pytest.mark.parametrize("name", ["mujoco", "pybullet", "dart"])

@@ -173,6 +173,7 @@ OPTIONS_MATTER: list[Row] = [
     ("analyse", "samples", TOLERANCED, {"samples": 5}),
     ("analyse", "seed", {**TOLERANCED, "samples": 5}, {"seed": 4}),
     ("analyse", "seed", TOLERANCED, {"seed": 4}),
+    ("analyse", "limits", ROCKER, {"limits": {"transmission_angle": "30 deg"}}),
     ("accuracy", "limits", {**TOLERANCED, "samples": 9}, {"limits": {"follower_angle": 0.01}}),
     ("accuracy", "min_yield", {**TOLERANCED, "samples": 9, "limits": {"follower_angle": 0.01}}, {"min_yield": 0.5}),
     ("accuracy", "motion", {**PAPER, "samples": 9}, {"motion": "driven"}),

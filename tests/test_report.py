@@ -22,12 +22,13 @@ from analytic.mechanism.file import dumps, load, loads
 from analytic.mechanism.signals import same_turn
 from analytic.writing import OutputError
 from compare.crosscheck import crosscheck
+from compare.files import escape_markdown
 from compare.quantities import number, quantities
 from compare.report.crosscheck_figures import beside, figures, thinned
 from compare.report.crosscheck_terminal import print_table
 from compare.report.figure import Axis, Figure, Series
 from compare.report.linkage import exaggeration, linkage_figure, parts
-from compare.report.pages import escape_markdown, script_json
+from compare.report.pages import script_json
 from compare.report.summary import summarise
 from compare.report.svg import draw, exponent, ticks
 from compare.report.tables import print_rows

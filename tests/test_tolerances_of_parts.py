@@ -672,7 +672,7 @@ def test_a_yield_below_the_least_is_status_1_also_in_a_sweep(least: str, status:
     swept = compare(*asked, *varied, cwd=tmp_path)
     assert swept.returncode == status, swept.stderr
     assert "linkages within the limits (%)" in " ".join(swept.stdout.split())
-    assert ("2 with too low a yield" in swept.stdout) == (status == 1)
+    assert ("2 outside the limits" in swept.stdout) == (status == 1)
 
 
 def test_a_least_yield_of_no_limit_is_refused(tmp_path: Path) -> None:
@@ -686,7 +686,7 @@ def test_a_least_yield_of_no_limit_is_refused(tmp_path: Path) -> None:
         ("follower_angle=0.5", "follower_angle = 0.5 has no unit; write 0.5deg, or 0.5rad if meant"),
         ("follower_angle=0.1mm", "follower_angle = '0.1mm' has unit 'mm', which is of another dimension"),
         ("follower_angle", "give OUTPUT=VALUE"),
-        ("rocker_angle=1deg", "rocker_angle is no output that is looked at; they are follower_angle"),
+        ("rocker_angle=1deg", "rocker_angle is no output that is looked at; did you mean follower_angle?"),
         ("follower_angle=-1deg", "above 0"),
         ("follower_angle=1deg,follower_angle=2deg", "follower_angle is there twice"),
     ],

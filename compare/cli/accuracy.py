@@ -30,7 +30,7 @@ def accuracy(line: CommandLine) -> None:
         from compare.arguments import linkage
         from compare.platform import platform_accuracy
 
-        files = ("accuracy.json", "accuracy.csv", "accuracy.html")
+        files = ["accuracy.json", "accuracy.csv", "accuracy.html", *["junit.xml"] * line.has("min_yield")]
         folder = None if is_swept(line) else line.folder(f"{line.stem}-accuracy", *files)
         if not any(map(line.has, OF_SEVERAL)) and Assembly(linkage(line.case, large=True)).structure.by_crank:
             if folder is None:

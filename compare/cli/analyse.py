@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import typer
+
 from compare.cli.sweep import answer, is_swept
 from compare.cli.typed import CommandLine, Plotted, Shown, Where, command
+from compare.faults import Exit
 from compare.questions.analyse import AnalyseQuestion, SimulateQuestion
 from compare.questions.sweep import SweepQuestion
 
@@ -14,15 +17,18 @@ def analyse(line: CommandLine) -> None:
 
     With --set fields of the mechanism are varied, and a table says what each comes to.
 
-    Exit status: 0 computed, 1 with --set some points have no whole answer, 2 bad input.
+    Exit status: 0 computed, 1 a --limit is broken or not known to hold, or with --set some points
+    have no whole answer, 2 bad input.
     """
     with line.complaints() as caught:
         if is_swept(line):
             answer(line, "analyse", AnalyseQuestion, caught)
         from compare.analyse import analyse
 
-        folder = line.folder(f"{line.stem}-analysis", "analysis.json", "analysis.html", "signals.csv")
-        line.drawn(lambda: line.ask(analyse, AnalyseQuestion), caught, folder)
+        files = ["signals.csv", *["junit.xml"] * line.has("limit")]
+        folder = line.folder(f"{line.stem}-analysis", "analysis.json", "analysis.html", *files)
+        result = line.drawn(lambda: line.ask(analyse, AnalyseQuestion), caught, folder)
+    raise typer.Exit(Exit.AGREES if result.holds else Exit.DISAGREES)
 
 
 @command(SimulateQuestion, Where, Plotted, Shown)

@@ -4,14 +4,20 @@ at once.
 
 import os
 import re
+import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 import typer.core
 
+from analytic.errors import Error
+from analytic.writing import write_atomically
+from compare.ci import head_summary, in_ci, is_no_answer, no_answer
 from compare.cli.accuracy import accuracy
 from compare.cli.analyse import analyse, simulate
 from compare.cli.apply import apply_
@@ -37,6 +43,7 @@ from compare.questions.question import Question
 from compare.questions.sweep import SweepQuestion
 
 _UsageError: Any = typer.BadParameter.__mro__[1]  # typer's, or that of the click below it
+JUDGES = ("compare", "compare check", "compare diagnose")  # commands whose folder always has a JUnit file
 IN_CI = "in CI the exit status is the verdict, and the folder of a result has junit.xml: docs/how-to/ci.md shows it"
 
 
@@ -64,10 +71,29 @@ def _plain() -> Iterator[None]:
         options = {option.name for option in error.ctx.command.params} if error.ctx else set()
         if re.match(r"No such (command|option):? '?(ci|(--)?junit)\b", said):
             said, error.possibilities = f"{said.rstrip('.')}; {IN_CI}", None
+        elif re.match(r"No such option: '?--limit\b", said) and not error.ctx.parent:
+            said = f"{said.rstrip('.')}; limits are of one side: compare LINKAGE.toml --limit reaction_B=500N"
         elif said.startswith("Got unexpected extra argument") and "case" in options:
             said = f"{said}; a linkage is named with --case"
         error.message = said
+        _record(error.format_message(), error.ctx.command_path if error.ctx else "compare")
         raise
+
+
+def _record(said: str, command: str) -> None:
+    """A fault of a command's words as its JUnit file has it, and on the page of a workflow's run: in the file of
+    ``--junit``, or in CI in the folder of ``--out``.
+    """
+    head_summary(f"✗ no answer: {said}")
+    given = [each for word in sys.argv[1:] for each in (word.split("=", 1) if word.startswith("--") else [word])]
+    after = dict(pairwise(given))
+    judges = command in JUDGES or {"--limit", "--min-yield"} & {*after}
+    in_folder = str(Path(after["--out"]) / "junit.xml") if judges and in_ci() and "--out" in after else ""
+    file = after.get("--junit", in_folder)
+    if file and (is_no_answer(Path(file)) or not Path(file).exists()):
+        with suppress(OSError, Error):
+            Path(file).parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(Path(file), no_answer(command, said, Exit.BAD_INPUT.name.lower().replace("_", " ")))
 
 
 app = typer.Typer(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
-from compare.ci import annotated, is_no_answer, wrong
+from compare.ci import annotated, head_summary, is_no_answer, summed_up, wrong
 from compare.cli.folders import REMEDY, same_question
 from compare.files import check_replaceable, relative
 
@@ -61,11 +61,12 @@ def show(
     document: Document, *, json: bool, quiet: bool, place: Path | None = None, tests: Path | None = None, file: str = ""
 ) -> None:
     """Print a document: its JSON, or the table for a terminal, where its files are, and how to look at what is worst in
-    it; annotations of the ``file`` that it is about on standard error, in a workflow of GitHub, with where all are as
-    ``tests``.
+    it; in a workflow of GitHub, the verdict on the run's page, and annotations of the ``file`` that it is about on
+    standard error, with where all are as ``tests``.
     """
     judged = document.judgements()
     say(annotated(judged, file, str(tests or "a file of --junit")))
+    head_summary(summed_up(judged))
     if json:
         typer.echo(document.to_json())
         return

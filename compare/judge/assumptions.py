@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -35,6 +35,7 @@ from analytic.mechanism import Joint, Mechanism
 from analytic.mechanism.signals import Signal
 from analytic.paper.clearance import GAP_STENCIL, ON_ITS_WAY, Displaced, Model, displaced, loose_friction
 from analytic.paper.kinetostatics import Reactions, kinetostatics
+from analytic.paper.superposition import whole_turn
 from compare.judge.discrepancy import (
     Comparison,
     Rule,
@@ -343,7 +344,8 @@ class Failing:
 
     ``cost`` is what it costs, in tolerances; ``give`` (m) how far the contact yields; ``worst`` the signal that the
     first order moves most, of those that it explains.  A pin that stays in contact ``swings`` along its rim; a block
-    ``rocks`` on its walls, for a while or for ever.
+    ``rocks`` on its walls, for a while or for ever.  Where a load opposes the motion, ``off`` are the angles (N,)
+    at which anything is out of tolerance, ``turned`` those by which a reaction has turned round.
     """
 
     assumption: Assumption | Literal["unknown"]
@@ -353,9 +355,28 @@ class Failing:
     worst: str = ""
     swings: bool = False
     rocks: Literal["", "for a while", "for ever"] = ""
+    off: np.ndarray | None = None
+    turned: np.ndarray | None = None
 
 
 def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances, schedule: Schedule) -> Failing | None:
+    """Why a run with clearance disagrees, and where beside reversals of a load that opposes the motion; None where
+    nothing is known of it.
+    """
+    failing = _failing(run, mechanism, tolerances, schedule)
+    braked = run.motion == "driven" and any(load.opposes for load in mechanism.loads)
+    if failing is None or not braked or run.crank_angle.size < 2:
+        return failing
+    examined = Examined(mechanism, schedule, run, tolerances)
+    angles = [run.analytic[Signal.of("reaction", joint, "angle").name] for joint in run.clearance]
+    turned = np.any([np.cos(np.diff(angle, prepend=angle[-1:])) < 0 for angle in angles], axis=0)
+    for k in np.flatnonzero(np.any(np.isnan(angles), axis=0)):  # the model has no answer as the pin crosses there
+        turned[k] = True
+    turned[0] = turned[0] and whole_turn(run.crank_angle)
+    return replace(failing, off=~examined.agreeing, turned=turned)
+
+
+def _failing(run: Run, mechanism: Mechanism, tolerances: Tolerances, schedule: Schedule) -> Failing | None:
     """Why a run with clearance disagrees: the assumption of the analytic model that fails in it, and where.
 
     None where nothing is known of it: a run that is flagged everywhere.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from compare.questions.option import (
     Angle,
     ByJoint,
-    ByOutput,
     Choice,
+    Limits,
     Option,
     Part,
     Places,
@@ -64,7 +64,7 @@ class AccuracyQuestion(Question):
         Mapping[str, float | str] | str | None,
         Option(
             "Largest good error, such as rocker_angle=0.05deg; says how many linkages within [tolerances] are good.",
-            ByOutput("OUTPUT=VALUE"),
+            Limits("OUTPUT=VALUE", "rocker_angle=0.05deg"),
             name="limit",
         ),
     ] = None

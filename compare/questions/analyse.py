@@ -1,9 +1,10 @@
 """One side of a comparison by itself: what the analytic model says, what an engine does, its model file."""
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Annotated
 
-from compare.questions.option import LeftOut, Option, Switch, Whole, Written
+from compare.questions.option import LeftOut, Limits, Option, Switch, Whole, Written
 from compare.questions.question import Question
 from compare.questions.shared import (
     AnyPath,
@@ -43,6 +44,15 @@ class AnalyseQuestion(Question):
     course: CourseFile = None
     path: PathFile = None
     signals: MoreSignals = None
+    limits: Annotated[
+        Mapping[str, float | str] | str | None,
+        Option(
+            "Largest size of a signal (reaction_B=500N, drive_torque=20N.m), least transmission_angle=40deg, or a range"
+            " (stroke_rocker=84:87deg; either end may be left out); status 1 where one is broken.",
+            Limits("NAME=VALUE", "reaction_B=500N"),
+            name="limit",
+        ),
+    ] = None
 
 
 class RunQuestion(Question):

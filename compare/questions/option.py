@@ -328,22 +328,24 @@ class BySignal(ByJoint):
         return {str(name): float(size) for name, size in given.items()}
 
 
-class ByOutput(ArgumentKind[list[str]]):
-    """Lengths and angles by output, ``rocker_angle=0.05deg``, in an option that may be repeated; that they are asked
-    for, and their units, is for the function to prove.
+@dataclass(frozen=True)
+class Limits(ArgumentKind[list[str]]):
+    """Limits by name, such as the ``example``, in an option that may be repeated; that there are such names, and their
+    units, is for the function to prove.
     """
 
+    example: str = ""
     repeated: ClassVar[bool] = True
 
     def parse(self, word: list[str], called: str) -> dict[str, str] | None:
-        """What is written for each output."""
+        """What is written for each name."""
         limits: dict[str, str] = {}
         for part in ",".join(word).split(",") if word else ():
             name, given, size = part.partition("=")
             if not (name and given and size):
-                raise ArgumentError(called, f"{part!r} cannot be used; give OUTPUT=VALUE, such as rocker_angle=0.05deg")
+                raise ArgumentError(called, f"{part!r} cannot be used; give {self.metavar}, such as {self.example}")
             if name in limits:
-                raise ArgumentError(called, f"output {name} is there twice; give each output once")
+                raise ArgumentError(called, f"{name} is there twice; give one limit to each")
             limits[name] = size
         return limits or None
 

@@ -7,17 +7,35 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.console import Console
 
+from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import shown
-from compare.report.accuracy_page import LEAST_SHOWN, files, output_rows, summary_html
+from compare.report import accuracy_page
+from compare.report.accuracy_page import LEAST_SHOWN, output_rows, summary_html
 from compare.report.curves import MOST, legend, partly
 from compare.report.tables import print_rows, say
-from compare.report.toleranced import print_outputs
+from compare.report.toleranced import print_outputs, yields
 from compare.report.words.accuracy import notes
 from compare.results.accuracy import Accuracy
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def files(result: Accuracy) -> dict[str, str]:
+    """The page, the numbers as a table, and a JUnit file where a yield was asked for."""
+    judged_so = judged(result)
+    tests = {"junit.xml": junit_xml(f"yield of {result.case}", judged_so, result.file)} if judged_so else {}
+    return accuracy_page.files(result) | tests
+
+
+def judged(result: Accuracy) -> list[JUnitSuite]:
+    """The yield as a test case, where one was asked for."""
+    by = result.tolerances
+    if by is None or by.min_yield is None:
+        return []
+    *_, said = yields(by)
+    return [JUnitSuite("yield", [JUnitCase((result.case,), "yield", said, "" if by.good else said, kind="yield")])]
 
 
 def plot(result: Accuracy, figure: Figure) -> None:
@@ -57,4 +75,4 @@ def print_table(result: Accuracy, console: Console) -> None:
     say(console, *notes(result))
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)

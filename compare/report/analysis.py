@@ -5,17 +5,41 @@ from __future__ import annotations
 import numpy as np
 from rich.console import Console
 
+from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
-from compare.report.analysis_page import files
+from compare.report import analysis_page
 from compare.report.peaks import GOOD, error_peaks, over, poor, powers, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
+from compare.report.words.limits import limits
 from compare.report.words.validity import RPM
 from compare.results.analysis import Analysis
 
 ERROR_HEADS = ("error by clearance", "unit", "largest", "at", "worst case", "at", "by joint, first order")
+
+
+def files(result: Analysis) -> dict[str, str]:
+    """The page with its figures, every signal as a table, and a JUnit file where limits were asked for."""
+    tests = {"junit.xml": junit_xml(f"limits of {result.case}", judged(result), result.file)} if result.limits else {}
+    return analysis_page.files(result) | tests
+
+
+def judged(result: Analysis) -> list[JUnitSuite]:
+    """Each limit that was asked for as a test case."""
+    cases = [
+        JUnitCase(
+            (result.case, "limit"),
+            name,
+            said=sentence,
+            failure=sentence if limit.verdict != "holds" else "",
+            kind=limit.verdict,
+            times=limit.times,
+        )
+        for name, limit, sentence in limits(result)
+    ]
+    return [JUnitSuite("limits", cases)] * bool(cases)
 
 
 def print_table(result: Analysis, console: Console) -> None:
@@ -41,4 +65,4 @@ def print_table(result: Analysis, console: Console) -> None:
     say(console, *said(result), repr(result))
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot, plot_signals)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, plot_signals, judged=judged)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,6 +46,7 @@ def judged(result: Diagnosis) -> list[JUnitSuite]:
         said=result.statement,
         failure="" if result.settled else f"{result.verdict}: {result.statement}",
         kind=result.verdict,
+        times=inf,
     )
     suites = [JUnitSuite("verdict", [verdict])]
     for run in result.runs:

@@ -41,12 +41,13 @@ def _cases(case: str, shown: ShownRun) -> list[JUnitCase]:
 
 
 def _case(place: tuple[str, ...], run: Run, row: ShownDiscrepancy) -> JUnitCase:
+    look, times = to_look(run, row), row.share or 0.0
     if row.verdict in ("disagrees", "unjudged"):
         kind = "disagreement" if row.verdict == "disagrees" else "not judged"
-        look, times = to_look(run, row), row.share or 0.0
         return JUnitCase(place, row.quantity.signal, failure=row_sentence(row), kind=kind, look=look, times=times)
-    known = "known difference: " if row.verdict == "known" else ""
-    return JUnitCase(place, row.quantity.signal, said=known + row_sentence(row))
+    if row.verdict == "known":
+        return JUnitCase(place, row.quantity.signal, said=f"known difference: {row_sentence(row)}")
+    return JUnitCase(place, row.quantity.signal, said=row_sentence(row), times=times)
 
 
 def _compared(case: str, pair: EnginePair, row: ShownComparison) -> JUnitCase:

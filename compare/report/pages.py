@@ -14,6 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from analytic.mechanism.one_line import capital
+from compare.files import escape_markdown
 from compare.quantities import number, plain, plainly, setting
 from compare.report.figure import Figure
 
@@ -21,11 +22,6 @@ LEFT_OUT = "left out: "  # how a warning of what a question does not use begins
 SCROLLED = re.compile(r'(<div class="scroll"[^>]*>\s*<table\b.*?</thead>)(.*?</table>)', re.DOTALL)
 CELL = re.compile(r"<t[dh]\b([^>]*)>(.*?)</t[dh]>", re.DOTALL)  # of a table: its attributes, and what stands in it
 PHONE, BETWEEN, LEAST_TEXT = 54, 1, 20  # characters: across a phone, between columns, and of a column that has words
-
-
-def escape_markdown(text: str) -> str:
-    """Text as a Markdown table cell or sentence shows it, markup and line breaks made harmless."""
-    return re.sub(r"([\\`*_\[\]|<>&#~!$@])", r"\\\1", re.sub(r"\s+", " ", str(text)))
 
 
 def code_block(text: str, language: str = "sh") -> str:

@@ -94,13 +94,13 @@ def peak(result: Analysis | Simulation, quantity: Quantity) -> Peak:
     found = result.extremes.get(quantity.signal) if isinstance(result, Analysis) else None
     if found is not None and None not in (found.highest, found.highest_at, found.lowest, found.lowest_at):
         ends = ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
-        return Peak(quantity, *(End(quantity.factor * (v or 0.0), _place(result, at or 0.0)) for v, at in ends))
+        return Peak(quantity, *(End(quantity.factor * (v or 0.0), place(result, at or 0.0)) for v, at in ends))
     values, x = quantity.factor * result.signals[quantity.signal], over(result).values
     high, low = int(np.nanargmax(values)), int(np.nanargmin(values))
     return Peak(quantity, End(float(values[high]), x[high]), End(float(values[low]), x[low]))
 
 
-def _place(result: Analysis | Simulation, at: float) -> float:
+def place(result: Analysis | Simulation, at: float) -> float:
     """A crank angle (rad), or a time (s) of a result that is over times, as its samples are plotted over them."""
     x = over(result)
     if result.time is None:

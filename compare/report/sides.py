@@ -14,6 +14,7 @@ from compare.quantities import assumptions, drive_signals, quantities
 from compare.report.curves import MOST, legend, with_peak
 from compare.report.peaks import over, peak, peaks, unanswered
 from compare.report.tables import html_list, html_table, print_rows, say
+from compare.report.words.limits import limits
 from compare.results.analysis import Analysis, Simulation
 
 if TYPE_CHECKING:
@@ -28,8 +29,9 @@ def files(result: OneSide) -> dict[str, str]:
 
 
 def said(result: OneSide) -> Iterator[str]:
-    """Each reason why there is no answer, and what was filled in."""
+    """What became of each limit, each reason why there is no answer, and what was filled in."""
     if isinstance(result, Analysis):
+        yield from (f"{limit.verdict}: {sentence}" for _, limit, sentence in limits(result))
         for at, why in unanswered(result):
             where = f"{count(len(at), 'sample')} of {len(over(result).values)}, first {over(result).at(at[0])}"
             yield f"no answer at {where}: {why}; peaks are of the others"

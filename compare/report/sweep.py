@@ -32,6 +32,7 @@ TITLES = {
     "error": "largest error by clearance",
     "worst_case": "worst case of clearance",
     "yield": "linkages within the limits",
+    "limit": "limits broken",
     "share": "largest difference over its tolerance",
 }
 WIDEST = 8  # numbers of a row on a terminal; the others are in the file

@@ -133,6 +133,31 @@ class Extremes(Part):
     mean: Annotated[Number, Field(description="Over the crank angle or time; null where there is a gap.")] = None
 
 
+class Limit(Part):
+    """A limit that was set to a number of a linkage, and the number that is farthest beyond it or nearest to it."""
+
+    unit: Annotated[str, Field(description="SI, of all numbers.")]
+    least: Annotated[Number, Field(description="Null where there is none; of a largest size both are there.")]
+    largest: Number
+    value: Annotated[Number, Field(description="Null where the model has no answer.")]
+    at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times; null of a stroke.")]
+    missing: Annotated[int, Field(ge=0, description="Samples without an answer.")]
+    verdict: Literal["holds", "broken", "unknown"]
+
+    @property
+    def bound(self) -> float:
+        """That of the two which the value is beyond, or nearest to."""
+        bounds = [bound for bound in (self.least, self.largest) if bound is not None]
+        return min(bounds, key=lambda bound: abs((self.value or 0.0) - bound))
+
+    @property
+    def times(self) -> float:
+        """How large the value is in its bound, or the bound in the value where that is a least one."""
+        parts = (abs(self.value or 0.0), abs(self.bound))
+        larger, smaller = parts if self.bound == self.largest or self.bound < 0 else parts[::-1]
+        return larger / smaller if smaller else 0.0
+
+
 class Analysis(_Side):
     """The analytic model of a linkage: kinetostatics, clearance and, where asked for, compliance.  SI units and
     radians.
@@ -158,7 +183,7 @@ class Analysis(_Side):
     ] = None
     extremes: Annotated[
         Mapping[str, Extremes],
-        Field(description="By signal, over closely spaced crank angles or times."),
+        Field(description="By signal, and of the transmission angle, over closely spaced crank angles or times."),
     ] = {}
     errors: Annotated[
         Mapping[str, OutputError],
@@ -167,6 +192,13 @@ class Analysis(_Side):
     tolerances: Annotated[
         SignalsByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")
     ] = None
+
+    limits: Annotated[Mapping[str, Limit], Field(description="By name, where limits were asked for.")] = {}
+
+    @property
+    def holds(self) -> bool:
+        """Whether every limit that was asked for holds."""
+        return all(limit.verdict == "holds" for limit in self.limits.values())
 
     @property
     def _between(self) -> dict[str, tuple[float, float]]:

@@ -13,7 +13,7 @@ from compare.results.document import Document, Mechanism, Number, Part, Row, Tex
 
 Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
 FieldValue = float | str
-Group = Literal["asked", "reaction", "drive", "place", "error", "worst_case", "yield", "share"]
+Group = Literal["asked", "reaction", "drive", "place", "error", "worst_case", "yield", "limit", "share"]
 
 
 class SweptField(Part):
@@ -92,15 +92,16 @@ class Sweep(Document):
 
     @property
     def holds(self) -> bool:
-        """Whether every point has its whole answer, and agrees where it is a cross-check; and the yield asked for."""
+        """Whether every point has its whole answer, agrees where it is a cross-check, and is within its limits."""
         return all(point.whole and point.verdict in (None, "agrees") for point in self.points) and not self.poor
 
     @property
     def poor(self) -> int:
-        """How many points have less than the yield that was asked for."""
-        least = self.options.get("min_yield")
-        yields = (point.numbers.get("yield") or 0.0 for point in self.points)
-        return sum(each < least for each in yields) if isinstance(least, float) else 0
+        """How many points have a limit that is broken, or less than the yield that was asked for."""
+        asked = self.options.get("min_yield")
+        least = asked if isinstance(asked, float) else 0.0
+        numbers = [point.numbers for point in self.points]
+        return sum((each.get("yield") or 0.0) < least or bool(each.get("broken")) for each in numbers)
 
     def rows(self) -> list[Row]:
         """A row for each point: the fields' values, its numbers, its verdict, and what is missing."""
@@ -126,5 +127,5 @@ class Sweep(Document):
         missing = sum(not point.whole for point in self.points)
         left = f", {missing} not whole" if missing else ""
         wrong = sum(point.verdict == "disagrees" for point in self.points)
-        left += f", {wrong} disagree" * bool(wrong) + f", {self.poor} with too low a yield" * bool(self.poor)
+        left += f", {wrong} disagree" * bool(wrong) + f", {self.poor} outside the limits" * bool(self.poor)
         return f"Sweep({self.case}, {self.asks}: {over} = {count(len(self.points), 'point')}{left})"

@@ -13,10 +13,32 @@ from compare.judge.attribution import ANALYTIC, Attribution
 from compare.quantities import quantities, shown
 from compare.results.crosscheck import Because, Run
 
+BESIDE = 20.0  # deg of the crank from where a reaction turns round
+
 
 def because(run: Run, mechanism: Mechanism, failing: Failing) -> Because:
     """The assumption that fails in a run, as its document says it."""
-    return Because(assumption=failing.assumption, joint=failing.joint, words=_because(run, mechanism, failing))
+    return Because(
+        assumption=failing.assumption,
+        joint=failing.joint,
+        words=_because(run, mechanism, failing) + _braked(run, failing),
+    )
+
+
+def _braked(run: Run, failing: Failing) -> str:
+    """Where a load that opposes the motion turns reactions round, and how much is off there and elsewhere."""
+    if failing.off is None or failing.turned is None or not failing.turned.any():
+        return ""
+    theta = np.degrees(run.crank_angle)
+    at = theta[failing.turned]
+    beside = np.any(np.abs((theta[:, None] - at + 180) % 360 - 180) <= BESIDE, axis=1)
+    near, far = (f"{np.sum(failing.off & where)} of {np.sum(where)}" for where in (beside, ~beside))
+    places = ", ".join(f"{angle:.4g}" for angle in at)
+    return (
+        f"; a load opposes the motion, and as it turns round reactions do (by {places} deg): pins cross their bearings,"
+        f" strike and ring on; off are {near} crank angles within {BESIDE:g} deg of there, {far} elsewhere; at rest"
+        " no pin strikes: --motion static"
+    )
 
 
 def _because(run: Run, mechanism: Mechanism, failing: Failing) -> str:

@@ -1,0 +1,152 @@
+"""Limits that somebody sets to numbers of a result: how they are written, and what a linkage makes of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from numbers import Real
+from typing import Literal
+
+import numpy as np
+
+from analytic.mechanism.errors import quoted
+from analytic.mechanism.signals import named
+from analytic.mechanism.units import UnitError
+from analytic.mechanism.written import one_unit, quantity
+from compare.faults import ArgumentError
+from compare.quantities import drive_signals
+from compare.results.analysis import Analysis, Limit
+
+ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks between samples are interpolated
+MOST_LISTED = 16  # names in a sentence
+TRANSMISSION = "transmission_angle"
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Limitable:
+    """A number that may have limits: its SI unit, what one without a colon is, and the signal whose it is."""
+
+    unit: str
+    alone: Literal["size", "least", "either"] = "size"
+    signal: str = ""
+
+
+def limited(given: object, known: Mapping[str, Limitable], unknown: str) -> dict[str, Bounds]:
+    """The least and the largest value (SI; infinite where there is none) by name, as they were given: a number or a
+    text with its unit, which is a largest size, or ``least:largest``.  Raises ArgumentError, with what is ``unknown``
+    said of a name that is not known.
+    """
+    if not isinstance(given, Mapping):
+        raise ArgumentError("limits", f"{quoted(given)} cannot be used; give them by name, as {next(iter(known))}=...")
+    for name in given:
+        if name not in known:
+            parts = set(str(name).split("_"))
+            near = [each for each in known if parts <= set(each.split("_"))] or get_close_matches(str(name), known, n=1)
+            first = [*list(known)[:MOST_LISTED], *["..."] * (len(known) > MOST_LISTED)]
+            those = f"did you mean {near[0]}?" if near else f"they are {', '.join(first)}"
+            raise ArgumentError("limits", f"{name} is {unknown}; {those}")
+    return {name: _bounds(name, size, known[name]) for name, size in given.items()}
+
+
+def _bounds(name: str, given: object, of: Limitable) -> Bounds:
+    """A limit as its least and largest value.  Raises ArgumentError."""
+    if isinstance(given, str) and ":" in given:
+        return _range(name, given, of.unit)
+    value = _amount(name, given, of.unit)
+    if value <= 0:
+        raise ArgumentError("limits", f"{name} = {quoted(given)}; give {of.unit}, above 0")
+    if of.alone == "either":
+        raise ArgumentError("limits", f"{name} = {given} may be the least or the largest; write {given}: or :{given}")
+    return (value, math.inf) if of.alone == "least" else (-value, value)
+
+
+def _range(name: str, given: str, unit: str) -> Bounds:
+    parts = [part.strip() for part in given.split(":")]
+    ends = [part for part in parts if part]
+    if len(parts) != 2 or not ends:
+        raise ArgumentError("limits", f"{name} = {given} is no range; give least:largest, of which one may be left out")
+    try:
+        amounts = iter([_amount(name, end, unit) for end in one_unit(ends)])
+    except UnitError as error:
+        raise ArgumentError("limits", f"{name} = {given} has {error}") from None
+    low, high = (next(amounts) if part else sign * math.inf for part, sign in zip(parts, (-1, 1), strict=True))
+    if low >= high:
+        raise ArgumentError("limits", f"{name} = {given}: the least comes first, and is less than the largest")
+    return low, high
+
+
+def _amount(name: str, size: object, unit: str) -> float:
+    """A number (SI).  Raises ArgumentError."""
+    try:
+        value = quantity(size, unit) if isinstance(size, str) else size
+        bare = value is None
+        value = float(size) if bare else value  # type: ignore[arg-type]  # a text without a unit
+    except (UnitError, ValueError) as error:
+        why = str(error) if isinstance(error, UnitError) else f"no number; give {unit}, or a number with its unit"
+        raise ArgumentError("limits", f"{name} = {quoted(size)} has {why}") from None
+    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(float(value)):
+        raise ArgumentError("limits", f"{name} = {quoted(size)}; give {unit}")
+    if bare and unit == "rad":
+        raise ArgumentError("limits", f"{name} = {size} has no unit; write {size}deg, or {size}rad if meant")
+    return float(value)
+
+
+# ---------------------------------------------------------------- of an analysis
+
+
+def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
+    """What an analysis makes of limits to its signals, ``reaction_B`` for the size of one, to ``stroke_<joint or
+    body>`` and to the least ``transmission_angle``.  Raises ArgumentError.
+    """
+    m, known = result.mechanism, _known(result)
+    every = named(m.bodies, m.joints, m.drives, m.sensors)
+    asleep = [name for name, signal in every.items() if signal.on_request and name not in known]
+    for name in (name for name in asleep if isinstance(given, Mapping) and name in given):
+        raise ArgumentError("limits", f"{name} is a signal on request; ask for it by `signals` too")
+    bounds = limited(given, known, f"nothing of {m.name} that may have a limit")
+    return {name: _limit(result, known[name], both) for name, both in bounds.items()}
+
+
+def _known(result: Analysis) -> dict[str, Limitable]:
+    """What may have a limit; not how a reaction is directed, which has no size."""
+    m, kinds = result.mechanism, result.kinds
+    signals = [n for n, kind in kinds.items() if not (kind.kind == "reaction" and kind.wraps)]
+    whole = [n for n in signals if kinds[n].component == "magnitude"]
+    moves = [(f"position_{joint.name}", joint.name) for joint in m.joints if joint.prismatic]
+    moves += [(f"{body.name}_angle", body.name) for body in m.bodies if not m.cranked or body.name != m.driven]
+    known = {n.removesuffix("_magnitude"): Limitable(kinds[n].unit, signal=n) for n in whole}
+    known |= {n: Limitable(kinds[n].unit, signal=n) for n in drive_signals(m) if n in kinds}
+    known |= {f"stroke_{what}": Limitable(kinds[n].unit, "either", n) for n, what in moves}
+    known |= {} if result.transmission is None else {TRANSMISSION: Limitable("rad", "least", TRANSMISSION)}
+    return known | {n: Limitable(kinds[n].unit, signal=n) for n in signals}
+
+
+def _limit(result: Analysis, of: Limitable, bounds: Bounds) -> Limit:
+    """The value that is farthest beyond its bound, or nearest to it; of a stroke highest less lowest."""
+    angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
+    series = angle if of.signal == TRANSMISSION else result.signals[of.signal]
+    places = result.crank_angle if result.time is None else result.time
+    there, found = np.isfinite(series), result.extremes.get(of.signal)
+    ends = list(zip(series[there].tolist(), places[there].tolist(), strict=True))
+    between = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
+    ends += [(v, x) for v, x in between if v is not None and x is not None]
+    off, value, at = math.inf, None, None
+    if ends:
+        highest, lowest = max(ends), min(ends)
+        if of.alone == "either":
+            highest = lowest = (highest[0] - lowest[0], math.nan)
+        off, (value, at) = max((highest[0] - bounds[1], highest), (bounds[0] - lowest[0], lowest))
+    slack = ROUNDING * max(abs(bound) for bound in bounds if math.isfinite(bound))
+    verdict: Literal["holds", "broken", "unknown"] = "holds" if there.all() else "unknown"
+    return Limit(
+        unit=of.unit,
+        least=bounds[0],
+        largest=bounds[1],
+        value=value,
+        at=at,
+        missing=int(np.sum(~there)),
+        verdict="broken" if ends and off > slack else verdict,
+    )

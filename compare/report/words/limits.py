@@ -1,0 +1,30 @@
+"""What a linkage makes of the limits that were set to its numbers, in words."""
+
+from __future__ import annotations
+
+from analytic.mechanism.one_line import count
+from compare.quantities import plain, shown
+from compare.report.peaks import over, place
+from compare.results.analysis import Analysis, Limit
+
+DIGITS = 5
+
+
+def limits(result: Analysis) -> list[tuple[str, Limit, str]]:
+    """Each limit by its name, with what there is to say of it in a sentence; those that hold at the end."""
+    ordered = sorted(result.limits.items(), key=lambda item: item[1].verdict == "holds")
+    return [(name, limit, f"{name} {_said(result, limit)}") for name, limit in ordered]
+
+
+def _said(result: Analysis, limit: Limit) -> str:
+    unit, factor = shown(limit.unit)
+    unit = unit.replace("·", ".")
+    bound = f"its limit of {plain(factor * limit.bound, DIGITS)} {unit}"
+    at = "" if limit.at is None else f" at {plain(place(result, limit.at), 4)} {over(result).unit}"
+    value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)} {unit}{at}, "
+    if limit.verdict == "unknown":
+        missing = f"{limit.missing} of {count(len(over(result).values), 'sample')}"
+        return f"{value}and has no answer at {missing}: {bound} is not known to hold"
+    if limit.verdict == "holds":
+        return f"{value}within {bound}"
+    return f"{value}{'more' if (limit.value or 0.0) > limit.bound else 'less'} than {bound}"

@@ -1,0 +1,142 @@
+"""Limits of a linkage's numbers, held against closed forms, and what a command makes of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import linkage_crosscheck as lc
+from commands import assert_refused, compare
+from compare.faults import ArgumentError
+
+CRANK, COUPLER, FOLLOWER, GROUND = 0.05, 0.12, 0.10, 0.12  # m, of the shipped crank-rocker
+
+
+def angle(one: float, other: float, opposite: float) -> float:
+    """The angle (rad) between two sides of a triangle, by the law of cosines."""
+    return math.acos((one**2 + other**2 - opposite**2) / (2 * one * other))
+
+
+LEAST = angle(COUPLER, FOLLOWER, GROUND - CRANK)  # transmission angle, crank along the ground
+STROKE = angle(GROUND, FOLLOWER, CRANK + COUPLER) - angle(
+    GROUND, FOLLOWER, COUPLER - CRANK
+)  # dead centre to dead centre
+
+
+@pytest.mark.parametrize(
+    ("name", "holds", "broken", "value"),
+    [
+        ("transmission_angle", 0.9999 * LEAST, 1.0001 * LEAST, LEAST),
+        ("stroke_follower", f":{1.0001 * STROKE}rad", f":{0.9999 * STROKE}rad", STROKE),
+        ("stroke_follower", f"{0.9999 * STROKE}rad:", f"{1.0001 * STROKE}rad:", STROKE),
+        ("stroke_follower", f"1:{1.0001 * STROKE}rad", f"{1.0001 * STROKE}:2rad", STROKE),
+    ],
+)
+def test_a_limit_between_the_samples_is_told_to_a_ten_thousandth(
+    name: str, holds: float | str, broken: float | str, value: float
+) -> None:
+    """The crank angles that are looked at, 7 degrees apart, meet neither the least angle nor a dead centre."""
+    angles = [math.radians(3 + 7 * k) for k in range(52)]
+    for given, verdict in ((holds, "holds"), (broken, "broken")):
+        found = lc.analyse("crank-rocker", angles=angles, limits={name: given})
+        assert (found.limits[name].verdict, found.holds) == (verdict, verdict == "holds")
+        assert found.limits[name].value == pytest.approx(value, rel=2e-5)
+
+
+def test_the_size_of_a_torque_counts_to_either_side_and_a_range_keeps_its_signs() -> None:
+    lowest = lc.analyse("crank-rocker").extremes["drive_torque"].lowest
+    assert lowest is not None
+    assert lowest == pytest.approx(-0.448, abs=5e-4)
+    for given, verdict in (
+        ("0.4 N.m", "broken"),
+        ("0.45 N.m", "holds"),
+        ("-0.45:0.2N.m", "broken"),
+        (":0.3N.m", "holds"),
+    ):
+        limit = lc.analyse("crank-rocker", limits={"drive_torque": given}).limits["drive_torque"]
+        assert limit.verdict == verdict, given
+    assert limit.value == pytest.approx(0.2479, abs=5e-4)  # of the range whose least is open, the highest counts
+
+
+def test_a_limit_that_cannot_be_judged_throughout_does_not_hold() -> None:
+    """Where a reaction passes near zero the equilibrium with clearance has no answer."""
+    found = lc.analyse("crank-rocker", clearance=dict.fromkeys("DABE", 1e-4), limits={"reaction_B": 1e9})
+    assert found.flags
+    assert (found.limits["reaction_B"].verdict, found.holds) == ("unknown", False)
+    assert found.limits["reaction_B"].missing == len(found.flags)
+
+
+def test_a_broken_limit_is_status_1_with_one_sentence_everywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    asked = ("crank-rocker", "--limit", "transmission_angle=40deg,reaction_B=0.5kN", "--out", "out")
+    done = compare(*asked, cwd=tmp_path)
+    said = "transmission_angle is 35.659 deg at 0 deg, less than its limit of 40 deg"
+    assert done.returncode == 1, done.stderr
+    assert f"broken: {said}" in done.stdout
+    assert "holds: reaction_B is 10.2 N at 15.45 deg, within its limit of 500 N" in done.stdout
+    (mark,) = [line for line in done.stderr.splitlines() if line.startswith("::error")]
+    assert mark.endswith(f"::{said}")
+    (failure,) = ElementTree.parse(tmp_path / "out" / "junit.xml").iter("failure")
+    assert failure.get("message") == said
+    assert f"broken: {said}" in (tmp_path / "out" / "analysis.html").read_text(encoding="utf-8")
+    stored = json.loads((tmp_path / "out" / "analysis.json").read_text(encoding="utf-8"))["limits"]
+    assert stored["transmission_angle"]["least"] == pytest.approx(math.radians(40))
+    assert {name: each["verdict"] for name, each in stored.items()} == {
+        "transmission_angle": "broken",
+        "reaction_B": "holds",
+    }
+    kept = compare("crank-rocker", "--limit", "reaction_B=500N", "--out", "kept", "-q", cwd=tmp_path)
+    assert kept.returncode == 0, kept.stderr
+
+
+@pytest.mark.slow
+def test_a_sweep_tells_at_which_points_a_limit_is_broken() -> None:
+    """Forces of inertia grow with the square of the speed: 10.2 N at 300 rpm."""
+    limits = {"reaction_B": "12 N", "transmission_angle": "30 deg"}
+    swept = lc.sweep("crank-rocker", {"drive.speed": "300:400:50rpm"}, limits=limits)
+    assert [point.numbers["broken"] for point in swept.points] == [0.0, 0.5, 0.5]
+    assert (swept.poor, swept.holds) == (2, False)
+
+
+@pytest.mark.parametrize(
+    ("limit", "why"),
+    [
+        ("B=5N", "B is nothing of crank-rocker that may have a limit; did you mean reaction_B?"),
+        ("follower=60deg", "did you mean stroke_follower?"),
+        ("follower_stroke=60deg", "did you mean stroke_follower?"),
+        ("transmission=40deg", "did you mean transmission_angle?"),
+        ("stroke_follower=40deg", "stroke_follower = 40deg may be the least or the largest; write 40deg: or :40deg"),
+        ("stroke_follower=40:30deg", "the least comes first"),
+        ("stroke_follower=:", "give least:largest"),
+        ("stroke_follower=4mm:3deg", "'4mm' has unit 'mm'"),
+        ("transmission_angle=40", "has no unit; write 40deg"),
+        ("reaction_B=5deg", "has unit 'deg', which is of another dimension; give it in N"),
+        ("reaction_B<5N", "cannot be used; give NAME=VALUE, such as reaction_B=500N"),
+        ("drive_power=3W", "is a signal on request; ask for it by --signals too"),
+        ("reaction_B_angle=3deg", "may have a limit"),
+        ("reaction_B=5N,reaction_B=6N", "reaction_B is there twice"),
+    ],
+)
+def test_what_is_no_limit_is_refused_with_its_remedy(limit: str, why: str, tmp_path: Path) -> None:
+    assert_refused(compare("crank-rocker", "--limit", limit, cwd=tmp_path), why)
+    assert not (tmp_path / "reports").exists()
+
+
+def test_a_cross_check_leads_to_the_command_that_has_limits(tmp_path: Path) -> None:
+    done = compare("--simulator", "mujoco", "--limit", "reaction_B=5N", cwd=tmp_path)
+    assert_refused(done, "No such option: --limit", "compare LINKAGE.toml --limit")
+
+
+def test_the_stroke_of_a_slide_is_two_cranks() -> None:
+    crank = lc.analyse("slider-crank").mechanism.moving["crank"].length
+    limit = f"{2e3 * crank - 0.01}mm:{2e3 * crank + 0.01}mm"
+    found = lc.analyse("slider-crank", limits={"stroke_S": limit})
+    assert found.limits["stroke_S"].value == pytest.approx(2 * crank, rel=1e-5)
+    with pytest.raises(ArgumentError, match="give them by name"):
+        lc.analyse("slider-crank", limits=["reaction_B"])  # type: ignore[arg-type]
