@@ -57,7 +57,7 @@ from analytic.mechanism.parts import (
 )
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.mechanism.varying import NEVER, Fading, Quantity, Seen, Vectors, acting, quantities
-from analytic.mechanism.written import INITIAL
+from analytic.mechanism.written import INITIAL, in_si
 from analytic.writing import write_atomically
 
 P = TypeVar("P", Body, Joint)
@@ -100,6 +100,19 @@ class Mechanism(MechanismPart):
     # by the field that varies, such as "body.crank.mass"
     tolerances: Annotated[Mapping[str, Tolerance], BeforeValidator(_in_quotes)] = Field(default_factory=dict)
     initial: Mapping[str, SiNumber] = Field(default_factory=dict)  # velocity_<joint>: rad/s, m/s of one that runs free
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, given: object) -> object:
+        """Fields that are written with their unit as numbers in SI.  Raises UnitError, ReadingError."""
+        if not isinstance(given, Mapping):
+            return given
+        return in_si(
+            {
+                (field.alias or name) if (field := cls.model_fields.get(name)) else name: value
+                for name, value in given.items()
+            }
+        )
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
