@@ -127,3 +127,17 @@ def test_a_name_that_is_near_is_said() -> None:
         lc.analyse("crank-rocker", signals="torque")
     with pytest.raises(ArgumentError, match=r"did you mean 'drive_power'$"):
         lc.analyse("crank-rocker", signals="drive_powr")
+
+
+def test_the_peaks_of_an_accuracy_are_its_largest_errors_and_where_they_are() -> None:
+    result = lc.accuracy("crank-rocker", clearance={"B": 1e-4, "E": 1e-4}, angles=ANGLES, samples=10)
+    peaks = result.peaks.set_index("output")
+    assert "crank_angle" not in peaks.index  # nothing displaces it
+    error = result.outputs["follower_angle"].equilibrium
+    k = int(np.nanargmax(np.abs(error)))
+    row = peaks.loc["follower_angle"]
+    assert (row["largest"], row["crank_angle"], row["unit"]) == (error[k], result.crank_angle[k], "rad")
+    assert row["worst_case"] == result.outputs["follower_angle"].worst_case.max()
+    several = lc.platform_accuracy("five-bar", clearance=5e-5, times=np.linspace(0.0, 0.3, 4))
+    assert [*several.peaks.columns[3:6]] == ["time", "position_D", "position_E"]
+    assert set(several.peaks["output"]) == set(several.outputs) - {"left-crank_angle", "right-crank_angle"}

@@ -162,7 +162,9 @@ class Analysis(_Side):
     ] = {}
     errors: Annotated[
         Mapping[str, OutputError],
-        Field(description="By output (<body>_x, _y, _angle) what clearance does to it; of a crank and loose joints."),
+        Field(
+            description="By output (<body>_x, _y, _angle) what clearance does to it; of loose joints in what is driven."
+        ),
     ] = {}
     tolerances: Annotated[
         SignalsByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")
