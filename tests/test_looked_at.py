@@ -141,3 +141,17 @@ def test_the_peaks_of_an_accuracy_are_its_largest_errors_and_where_they_are() ->
     several = lc.platform_accuracy("five-bar", clearance=5e-5, times=np.linspace(0.0, 0.3, 4))
     assert [*several.peaks.columns[3:6]] == ["time", "position_D", "position_E"]
     assert set(several.peaks["output"]) == set(several.outputs) - {"left-crank_angle", "right-crank_angle"}
+
+
+def test_a_reaction_is_drawn_as_a_vector_by_its_size_over_its_direction() -> None:
+    result = lc.analyse("crank-rocker", angles=ANGLES)
+    (axis,) = result.plot_polar("B").axes
+    ground, own = axis.lines[:2]
+    assert [line.get_label() for line in (ground, own)] == ["in the ground's frame", "in the frame of follower"]
+    force = result["reaction_B_x"] + 1j * result["reaction_B_y"]
+    for line, turn in ((ground, 0.0), (own, result["follower_angle"])):
+        drawn = np.asarray(line.get_ydata()) * np.exp(1j * np.asarray(line.get_xdata()))
+        np.testing.assert_allclose(drawn[: force.size], force * np.exp(-1j * turn), rtol=1e-6, atol=1e-6)
+    assert len(result.plot_polar().axes) == len(result.mechanism.joints)
+    with pytest.raises(KeyError, match="X: no such joint; they are D, A, B, E"):
+        result.plot_polar("X")
