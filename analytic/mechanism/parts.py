@@ -608,9 +608,9 @@ class Load(MechanismPart):
     """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it.
 
     It acts always, or ``over`` a quantity of the motion: ``crank_angle``, ``<body>_angle`` (rad, every turn alike),
-    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m), or ``time`` (s since a run's start).  Then it acts ``from``
-    one value ``to`` another, or as many times as a ``table`` says: pairs of value and factor with straight lines
-    between them, beyond them the nearest.
+    ``<body>_x``, ``<body>_y`` (m), ``position_<joint>`` (rad, every turn alike; of a slide m), or ``time`` (s since a
+    run's start).  Then it acts ``from`` one value ``to`` another, or as many times as a ``table`` says: pairs of value
+    and factor with straight lines between them, beyond them the nearest.
 
     If it ``opposes``, only its size is its own: the force acts against the velocity of its point, the torque against
     the angular velocity of its body, at rest against those of the drive's motion.

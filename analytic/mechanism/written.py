@@ -177,7 +177,8 @@ def _units_over(fields: Mapping[str, Any]) -> dict[str, SiUnit]:
     """The unit of each quantity that a load may vary over."""
     bodies = {body.get("name") for body in _tables(fields, "body")}
     units: dict[str, SiUnit] = {**ALONE}
-    units |= {f"position_{name}": "m" for name in _slides(fields)}
+    slides = _slides(fields)
+    units |= {f"position_{j.get('name')}": "m" if j.get("name") in slides else "rad" for j in _tables(fields, "joint")}
     units |= {f"{body}_{axis}": "m" for body in bodies for axis in "xy"}
     return units | dict.fromkeys((f"{body}_angle" for body in bodies), "rad")
 

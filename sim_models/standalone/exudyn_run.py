@@ -155,9 +155,12 @@ class System:
             if kind == "travel":
                 q = [x for body in slide["bodies"] if body != "ground" for x in self.state(body)]
                 return self.travel(over["joint"], slide)(q)[0]
-            x, y, angle = self.state(over["body"])
+            if kind == "angle":
+                second, first = (self.state(b)[2] if b != "ground" else 0.0 for b in (over["body"], over["less"]))
+                return second - first
+            x, y, _ = self.state(over["body"])
             at = complex(x, y) + self.arm(over["body"], "com")
-            return angle if kind == "angle" else at.real if kind == "x" else at.imag
+            return at.real if kind == "x" else at.imag
 
         def share(t: float) -> float:
             if over is None:

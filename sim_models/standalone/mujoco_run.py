@@ -105,7 +105,7 @@ class Simulation:
         elif kind == "travel":
             here = self.position(over["joint"]) / self.length
         elif kind == "angle":
-            here = self.angle(over["body"])
+            here = self.angle(over["body"]) - self.angle(over["less"])
         else:
             here = float(self.data.site_xpos[self.model.site(f"marker of {over['body']}").id, "xy".index(kind)])
         if table:

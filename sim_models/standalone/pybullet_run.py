@@ -219,7 +219,7 @@ class World:
         elif kind == "travel":
             here = self.travel(over["joint"])[0]
         elif kind == "angle":
-            here = self.places[over["body"]].angle
+            here = self.places[over["body"]].angle - self.places[over["less"]].angle
         else:
             marker = self.point(over["body"], self.start["bodies"][over["body"]]["marker"])[0]
             here = marker.real if kind == "x" else marker.imag
