@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -160,3 +161,13 @@ def test_how_far_each_sensor_of_a_diagnosis_is_off_is_a_frame() -> None:
         first[1].gap_before,
         first[1].gap_after,
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+def test_a_search_says_what_it_is_at() -> None:
+    rig, said = Path(__file__).parents[1] / "docs" / "example-rig" / "measured.toml", list[str]()
+    lc.diagnose(rig, others=False, only=["joint_clearance"], progress=lambda what, done, total: said.append(what))
+    searching = said[said.index("search") : said.index("simulation")]
+    assert len(set(searching)) > 2
+    assert any(what.endswith("of effects fitted, now 1 effect together") for what in searching)
