@@ -116,6 +116,8 @@ class Mechanism(MechanismPart):
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
+        if name not in self.parts:
+            raise KeyError(f"{name}: no such body; they are {', '.join(self.parts)}")
         return self.parts[name]
 
     def joint(self, name: str) -> Joint:
@@ -123,7 +125,7 @@ class Mechanism(MechanismPart):
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise KeyError(name)
+        raise KeyError(f"{name}: no such joint; they are {', '.join(joint.name for joint in self.joints)}")
 
     @property
     def moving(self) -> dict[str, Body]:

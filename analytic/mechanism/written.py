@@ -55,7 +55,7 @@ PRISMATIC = {
 }
 ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
-ENDS = ("from", "to", "start", "end")  # of a stop, or of what a load varies over, in a file and in Python
+ENDS = ("from", "to", "from_", "start", "end")  # of a stop, or of what a load varies over, in a file and in Python
 STOP = {**dict.fromkeys(ENDS, "rad"), "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
 SLIDE_STOP = {**dict.fromkeys(ENDS, "m"), "stiffness": "N/m", "damping": "N.s/m"}
 STOPS = {"rad/s": STOP, "m/s": SLIDE_STOP, "": dict.fromkeys(STOP, "")}  # by the unit in which their joints move
@@ -89,7 +89,13 @@ def by_itself_in_si(kind: str, part: Mapping[str, object]) -> dict[str, object]:
     names the field.
     """
     units = _BY_ITSELF.get(kind)
-    return dict(part) if units is None else part_in_si(part, units(part), "")
+    out = dict(part) if units is None else part_in_si(part, units(part), "")
+    for name in ENDS if kind in ("load", "stop") else ():
+        if isinstance(text := out.get(name), str) and quantity(text, "") is not None:
+            of = "over" if kind == "load" else "joint"
+            how = f"give a number in SI, or the {kind} as a dict in {kind}s=[...] of the mechanism"
+            raise UnitError(f"{name} = {text!r}: what {out.get(of)} is measured in is not known here; {how}")
+    return out
 
 
 def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
