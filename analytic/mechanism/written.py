@@ -109,6 +109,8 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
         out["initial"] = part_in_si(given, {name: _rate(out, name.removeprefix(INITIAL)) for name in given}, "initial")
     for table, units in _units_by_table(out).items():
         parts = out.get(table)
+        if isinstance(parts, list | tuple) and not any(isinstance(part, Mapping) for part in parts):
+            continue  # made already
         if table == "load" and isinstance(parts, list | tuple):
             out[table] = _loads(parts, _units_over(out).get, folder, table)
         elif isinstance(parts, list | tuple):
@@ -158,12 +160,11 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
 
 def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping[str, Any]], Units]]:
     """By table what the fields of one of its parts are in."""
-    over = _units_over(fields)
     return {
         **_BY_ITSELF,
         "drive": lambda d: DRIVE | {"speed": _rate(fields, d.get("joint"))},
         "stop": lambda stop: STOPS[_rate(fields, stop.get("joint"))],
-        "load": lambda load: LOAD | _over(over.get(str(load.get("over")), "")),
+        "load": lambda load: LOAD | _over(_units_over(fields).get(str(load.get("over")), "")),
     }
 
 
