@@ -111,6 +111,9 @@ def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:
         if body not in bodies and len(owners) == 1:
             body, point = owners[0], name
         if body not in bodies:
+            own = next((b for b in bodies if name in (f"{b}_x", f"{b}_y", f"{b}_angle")), None)
+            if own is not None:
+                raise ArgumentError("outputs", f"{name}: give {own}, which is its x, y and angle, or {own}.angle")
             why = (
                 f"is a point of {' and '.join(owners)}; write {owners[0]}.{name}"
                 if owners

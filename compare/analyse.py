@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from analytic.beyond_paper.platform import platform
 from analytic.kinematics.assembly import Assembly, AssemblyError
 from analytic.kinematics.motion import along
 from analytic.kinematics.output import Output
@@ -17,6 +18,7 @@ from analytic.kinematics.schedule import Schedule
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
 from analytic.mechanism.signals import position
+from analytic.paper.clearance import displaced
 from analytic.paper.envelope import ContactSideChange, condition, transmission
 from analytic.paper.superposition import accuracy as cycle_accuracy
 from analytic.paper.superposition import whole_turn
@@ -143,14 +145,15 @@ def _signals_of(question: AnalyseQuestion, schedule: Schedule) -> Callable[[Mech
 
 def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple[dict[str, Any], list[str]]:
     """The transmission angle at a crank's angles, and what clearance does to each body there, joint by joint, with
-    where pins cross their bearings, in words; nothing of what no crank moves.
+    where pins cross their bearings, in words; of what several drives move, the errors alone.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
+    outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
     if theta is None:
-        return {}, []
+        told = m.clearances and not m.loose_guides and not assembly.structure.free
+        return {"errors": _of_poses(assembly, schedule, motion, outputs)} if told else {}, []
     if not m.clearances:
         return {"transmission": transmission(condition(along(assembly, schedule)))}, []
-    outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
     stiff = m.rigid().replace(joints=[j.model_copy(update={"elasticity": None}) for j in m.joints])
     cycle = cycle_accuracy(Assembly(stiff), theta, outputs, m.clearances, m.speed or 1.0, motion == "driven")
     return {
@@ -165,6 +168,28 @@ def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple
             for d in outputs
         },
     }, list(_crossings(cycle.side_changes, motion))
+
+
+def _of_poses(
+    assembly: Assembly, schedule: Schedule, motion: Motion, outputs: Sequence[Output]
+) -> dict[str, OutputError]:
+    """What clearance does to each body over time, all of whose freedoms are driven."""
+    inputs, m = assembly.inputs_along(schedule), assembly.mechanism
+    gaps = displaced(
+        assembly,
+        inputs.theta,
+        inputs.omega,
+        alpha=inputs.alpha,
+        inertia=motion == "driven",
+        near=assembly.walk(schedule),
+    )
+    errors = platform(gaps.ideal, outputs, m.clearances, {})
+    return {
+        d.name: OutputError(
+            unit=d.unit, equilibrium=gaps.moved(d), worst_case=errors.worst_clearance(d), by_joint=errors.by_joint(d)
+        )
+        for d in outputs
+    }
 
 
 def _crossings(changes: Sequence[ContactSideChange], motion: Motion) -> Iterator[str]:

@@ -100,8 +100,9 @@ def warn_of_degrees(called: str, angle: float) -> None:
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:
-    """Names, each once, at least so many; a single text is one name.  Raises ArgumentError."""
-    given_names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else None
+    """Names, each once, at least so many, in a list or a text with commas.  Raises ArgumentError."""
+    parts = [part.strip() for part in given.split(",")] if isinstance(given, str) else given
+    given_names = tuple(parts) if isinstance(parts, Iterable) else None
     if given_names is None or len(given_names) < least or not all(isinstance(each, str) for each in given_names):
         raise unusable(called, given, "one name or a list of names")
     return tuple(dict.fromkeys(given_names))

@@ -63,7 +63,7 @@ from compare.judge.reference import (
 from compare.judge.reruns import JudgedRun, prolong, settle, span, too_soft
 from compare.judge.signals import compared, only, prescribed, recorded, with_derived, with_rotations
 from compare.judge.statistics import compared_statistics
-from compare.judge.tolerances import Tolerances, check_known, known_differences
+from compare.judge.tolerances import Tolerances, checked_known, known_differences
 from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.pace import LONG, Pace, foreseen
 from compare.progress import Progress, progress_bar
@@ -296,7 +296,7 @@ def crosscheck_job(
     ``resolve`` and ``measure`` are where engines and the analytic side come from; tests plant faults there.  Raises
     SimulatorMissing, Unsupported or AssemblyError; a simulation that fails is listed under ``failures``.
     """
-    check_known(job.tolerances, job.mechanism)
+    job = replace(job, tolerances=checked_known(job.tolerances, job.mechanism))
     resolve = resolve or (Beams.of if job.flexible else engine)
     measure = measure or partial(reference, more=job.beside)
     assembly = Assembly(job.mechanism)

@@ -124,7 +124,7 @@ MEANS = {
     (
         "Load",
         "over",
-    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y`, `position_<slide>` or `time`",
+    ): "what it varies over: `crank_angle`, `<body>_angle`, `<body>_x`, `<body>_y`, `position_<joint>` or `time`",
     (
         "Load",
         "opposes",

@@ -166,8 +166,8 @@ def values_of(field: Dotted, given: object) -> SweptField:
     """The values of a field as they are given.  Raises ArgumentError."""
     if isinstance(given, str):
         parts: list[object] = list(_ranged(field, given) if ":" in given else given.split(","))
-    elif isinstance(given, np.ndarray | list | tuple):
-        parts = list(np.asarray(given).tolist() if isinstance(given, np.ndarray) else given)
+    elif isinstance(given, Iterable):
+        parts = [each.item() if isinstance(each, np.generic) else each for each in given]
     else:
         parts = [given]
     amounts = [_amount(field, part) for part in parts]

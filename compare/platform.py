@@ -128,10 +128,8 @@ class FiniteGaps:
 
     def by(self, d: Output) -> np.ndarray:
         """Displacement (N,) of an output; NaN where there is none."""
-        moved = d.value(self.found.configuration.motion) - d.value(self.found.ideal.motion)
-        moved[list(self.found.flags)] = np.nan
         displacement = np.full(self.count, np.nan)
-        displacement[self.at] = moved
+        displacement[self.at] = self.found.moved(d)
         return displacement
 
     @property

@@ -9,6 +9,7 @@ from typing import overload
 
 import numpy as np
 
+from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, wrapped
 from compare.arguments import number, warn_of_degrees
 from compare.faults import ArgumentError, unusable
@@ -72,7 +73,9 @@ def show(question: ShowQuestion) -> Provenance | SignalResiduals | Diagnosis:
             warn_of_degrees("at", place)
         return provenance(document, signal, place, joint_model, simulator)
     if not isinstance(document, Diagnosis):
-        raise unusable("result", document, "a cross-check, a diagnosis, or the path of a JSON file of either")
+        accepted = "a cross-check, a diagnosis, or the path of a JSON file of either"
+        drawn = "; lc.analyse(...).write(folder) draws a mechanism" if isinstance(document, Mechanism) else ""
+        raise unusable("result", document, accepted + drawn)
     for name, given in (("at", at), ("joint_model", joint_model), ("simulator", simulator)):
         if given is not None:
             raise ArgumentError(name, "a diagnosis takes a signal alone; leave this out")

@@ -232,6 +232,22 @@ def test_the_largest_error_is_told_with_its_place_and_the_joint_that_has_most_of
     assert peak.by_joint.startswith(f"{joint} ")
 
 
+def test_several_drives_have_the_error_of_each_body_joint_by_joint_on_terminal_and_page() -> None:
+    times = np.linspace(0.0, 0.3, 4)
+    result = lc.analyse("five-bar", clearance=5e-5, times=times)
+    crank = result.errors["left-crank_x"]  # its drive holds its angle: it moves as its pin does in the ground's bearing
+    np.testing.assert_allclose(crank.equilibrium, -result["clearance_D_x"], atol=1e-12)
+    np.testing.assert_allclose(crank.worst_case, 5e-5)
+    assert {joint for joint, part in crank.by_joint.items() if np.abs(part).max() > 1e-12} == {"D"}
+    platform = lc.platform_accuracy("five-bar", clearance=5e-5, times=times)
+    for name, error in result.errors.items():
+        np.testing.assert_allclose(sum(error.by_joint.values()), platform.outputs[name].nominal, atol=1e-15)
+        np.testing.assert_allclose(error.equilibrium, platform.outputs[name].equilibrium, atol=1e-15)
+    assert "Error by clearance, joint by joint" in result.files()["analysis.html"]
+    assert [peak.name for peak in error_peaks(result)] == [*platform.peaks["output"]]
+    assert lc.analyse("five-bar", times=times).errors == {}
+
+
 @pytest.mark.long_rows("3-rpr", "paper", "six-bar", "crank-rocker", "slider-crank")
 @pytest.mark.parametrize(
     "case", ["paper", "crank-rocker", "slider-crank", "six-bar", "five-bar", "3-rpr", "2r-arm", "pendulum"]

@@ -127,3 +127,31 @@ def test_a_name_that_is_near_is_said() -> None:
         lc.analyse("crank-rocker", signals="torque")
     with pytest.raises(ArgumentError, match=r"did you mean 'drive_power'$"):
         lc.analyse("crank-rocker", signals="drive_powr")
+
+
+def test_the_peaks_of_an_accuracy_are_its_largest_errors_and_where_they_are() -> None:
+    result = lc.accuracy("crank-rocker", clearance={"B": 1e-4, "E": 1e-4}, angles=ANGLES, samples=10)
+    peaks = result.peaks.set_index("output")
+    assert "crank_angle" not in peaks.index  # nothing displaces it
+    error = result.outputs["follower_angle"].equilibrium
+    k = int(np.nanargmax(np.abs(error)))
+    row = peaks.loc["follower_angle"]
+    assert (row["largest"], row["crank_angle"], row["unit"]) == (error[k], result.crank_angle[k], "rad")
+    assert row["worst_case"] == result.outputs["follower_angle"].worst_case.max()
+    several = lc.platform_accuracy("five-bar", clearance=5e-5, times=np.linspace(0.0, 0.3, 4))
+    assert [*several.peaks.columns[3:6]] == ["time", "position_D", "position_E"]
+    assert set(several.peaks["output"]) == set(several.outputs) - {"left-crank_angle", "right-crank_angle"}
+
+
+def test_a_reaction_is_drawn_as_a_vector_by_its_size_over_its_direction() -> None:
+    result = lc.analyse("crank-rocker", angles=ANGLES)
+    (axis,) = result.plot_polar("B").axes
+    ground, own = axis.lines[:2]
+    assert [line.get_label() for line in (ground, own)] == ["in the ground's frame", "in the frame of follower"]
+    force = result["reaction_B_x"] + 1j * result["reaction_B_y"]
+    for line, turn in ((ground, 0.0), (own, result["follower_angle"])):
+        drawn = np.asarray(line.get_ydata()) * np.exp(1j * np.asarray(line.get_xdata()))
+        np.testing.assert_allclose(drawn[: force.size], force * np.exp(-1j * turn), rtol=1e-6, atol=1e-6)
+    assert len(result.plot_polar().axes) == len(result.mechanism.joints)
+    with pytest.raises(KeyError, match="X: no such joint; they are D, A, B, E"):
+        result.plot_polar("X")

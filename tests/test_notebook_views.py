@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -145,3 +146,28 @@ def test_a_predictions_bands_are_seen_and_its_signals_drawn_by_name() -> None:
         predicted(*names).plot("reaction_E_z")
     with pytest.raises(TypeError, match="Diagnosis has no picture of a signal by itself"):
         as_diagnosis(sample_diagnosis(samples=37)).plot("drive_torque")
+
+
+def test_how_far_each_sensor_of_a_diagnosis_is_off_is_a_frame() -> None:
+    result = as_diagnosis(sample_diagnosis(samples=37))
+    frame = result.statistics_frame()
+    assert len(frame) == sum(len(run.signals) for run in result.runs)
+    run, first = result.runs[0], next(iter(result.runs[0].signals.items()))
+    assert [*frame.iloc[0]] == [
+        run.name,
+        first[0],
+        first[1].unit,
+        first[1].noise,
+        first[1].gap_before,
+        first[1].gap_after,
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.mujoco
+def test_a_search_says_what_it_is_at() -> None:
+    rig, said = Path(__file__).parents[1] / "docs" / "example-rig" / "measured.toml", list[str]()
+    lc.diagnose(rig, others=False, only=["joint_clearance"], progress=lambda what, done, total: said.append(what))
+    searching = said[said.index("search") : said.index("simulation")]
+    assert len(set(searching)) > 2
+    assert any(what.endswith("of effects fitted, now 1 effect together") for what in searching)

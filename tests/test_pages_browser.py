@@ -22,6 +22,7 @@ from test_report_browser import FOUR, Browser, browser, no_errors
 
 FIXTURES = (browser, no_errors, folder)  # a browser for the module, a clean console, a plan
 GAP = 5e-5  # m
+RIG = Path(__file__).parents[1] / "docs" / "example-rig" / "measured.toml"
 TURN = np.radians(np.arange(0.0, 360.0, 5.0))
 
 pytestmark = [pytest.mark.slow, NEEDS_CHROMIUM]
@@ -41,6 +42,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory, folder: Path) -> dict[str, P
         "accuracy": lc.accuracy("six-bar", clearance=GAP, samples=20).files()["accuracy.html"],
         "platform": lc.platform_accuracy("3-rrr", times=np.linspace(0.0, 0.2, 5)).files()["accuracy.html"],
         "sweep": lc.sweep("paper", {"drive.speed": speeds, "joint.B.clearance": gaps}).files()["sweep.html"],
+        "data": lc.preview(RIG).files()["data.html"],
         "plan": (folder / "out" / "plan.html").read_text(encoding="utf-8"),
         "diagnosis": diagnosis_html(as_document(sample_diagnosis())),
     }
@@ -72,6 +74,16 @@ def test_no_column_of_a_table_is_cut(browser: Browser, pages: dict[str, Path], w
     assert tops == sorted(set(tops))  # an engine under the other
     said = "getComputedStyle(document.querySelector('#differences tr.panels td:last-child'), '::before').content"
     assert browser.run(said).strip('"') == f"{FOUR[-1]} "
+
+
+PAINTED = """[...document.querySelectorAll('svg rect, svg')].filter((e) => e.getBoundingClientRect().width > 100)
+  .map((e) => [e.getAttribute('fill'), getComputedStyle(e).fill]).filter(([own]) => own === '#fff').length"""
+
+
+def test_no_figure_of_a_page_is_white_in_the_dark(browser: Browser, pages: dict[str, Path]) -> None:
+    for name, page in pages.items():
+        browser.open(page, scheme="dark", ready="true")
+        assert browser.run(PAINTED) == 0, name
 
 
 LABELS = """[...document.querySelectorAll('svg.chart')].map((s) => {

@@ -368,7 +368,10 @@ def test_a_probability_is_said_in_cases(share: float, said: str) -> None:
 
 
 WRONG: Mapping[str, tuple[dict[str, Any], str]] = {
-    "speed without a unit": ({"speeds": ["60 apples"]}, r"rig.speeds = '60 apples': unit 'apples', which is unknown"),
+    "speed without a unit": (
+        {"speeds": ["60 apples"]},
+        r"rig.speeds = '60 apples' has unit 'apples', which is unknown",
+    ),
     "speed of zero": ({"speeds": [0.0]}, r"rig.speeds = 0.0: give a number above 0"),
     "unknown sensor": ({"sensors": {"drive_tork": 1.0}}, r"'drive_tork' is no signal of crank-rocker; did you mean"),
     "no sensor": ({"sensors": {}}, "sensors: there are none; give each with its noise"),

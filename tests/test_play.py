@@ -16,10 +16,15 @@ CLEARANCE = {"B": 1e-4, "E": 2e-4}
 
 
 @cache
-def struck() -> Run:
+def checked() -> CrossCheck:
     """A turn of the crank-rocker whose pins strike in two joints."""
     asked = {"joint_model": "contact", "clearance": CLEARANCE, "revolutions": 1, "workers": 1}
-    return lc.crosscheck("crank-rocker", simulator="mujoco", **asked).run()
+    return lc.crosscheck("crank-rocker", simulator="mujoco", **asked)
+
+
+def struck() -> Run:
+    """Its run."""
+    return checked().run()
 
 
 @pytest.mark.mujoco
@@ -45,6 +50,9 @@ def test_a_frame_of_contact_is_the_run_s_statistics() -> None:
         assert own.in_contact.any()
         assert not own.in_contact.all()
         np.testing.assert_allclose(reach * np.cos(own.journal_angle), own.journal_x, atol=1e-15)
+    table = checked().statistics_frame().set_index(["joint", "statistic"])
+    assert table.loc[("B", "peak_force"), "value"] == run.contact.joints["B"].statistics["peak_force"].value
+    assert table.loc[("B", "peak_force"), "unit"] == "N"
 
 
 @pytest.mark.mujoco

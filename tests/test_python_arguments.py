@@ -584,3 +584,37 @@ def test_a_result_prints_its_table_by_itself(capsys: pytest.CaptureFixture[str])
     printed = capsys.readouterr().out
     assert "drive torque" in printed
     assert "where a reaction turns too fast, first_order has an answer" in " ".join(printed.split())
+
+
+def test_what_a_first_guess_in_python_gets_wrong_is_taken_or_told() -> None:
+    given = {"body": "coupler", "force": (-4.0, 0.0)}
+    tool = lc.Load(**given, over="crank_angle", from_="200 deg", to="340 deg")
+    assert tool == lc.Load(**given, over="crank_angle", start="200 deg", end="340 deg")
+    table = lc.Load(**given, over="position_B", table=np.array([[0.0, 1.0], [1.0, 2.0]]))
+    assert table.table == ((0.0, 1.0), (1.0, 2.0))
+    with pytest.raises(MechanismError, match="start = '2 deg': what position_B is measured in is not known here; give"):
+        lc.Load(**given, over="position_B", start="2 deg", end="4 deg")
+    rocker = lc.load("crank-rocker")
+    with pytest.raises(KeyError, match="Z: no such joint; they are D, A, B, E"):
+        rocker.joint("Z")
+    with pytest.raises(KeyError, match="Z: no such body; they are ground, crank, coupler, follower"):
+        rocker.body("Z")
+    with pytest.raises(TypeError, match=r"^export\(\): missing a required argument: 'folder'$"):
+        lc.export("crank-rocker", "mujoco")
+    asked = lc.analyse("crank-rocker", angles=[0.0, 0.1], signals="coupler_velocity_x, drive_power")
+    assert {"coupler_velocity_x", "drive_power"} <= asked.signals.keys()
+    with pytest.raises(ArgumentError, match="coupler_x: give coupler, which is its x, y and angle, or"):
+        lc.accuracy("crank-rocker", outputs="coupler_x")
+    with pytest.raises(ArgumentError, match=r"lc\.analyse\(\.\.\.\)\.write\(folder\) draws a mechanism"):
+        lc.show(rocker)
+    swept = lc.sweep("crank-rocker", {"body.coupler.mass": range(1, 3)}, angles=[0.0, 0.1], workers=1)
+    assert [point.at for point in swept.points] == [{"body.coupler.mass": k} for k in range(2)]
+
+
+def test_samples_without_an_answer_are_told_once_for_each_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    result = lc.analyse("crank-rocker", angles=np.radians(np.arange(0.0, 30.0, 10.0)))
+    near = "the reaction at B passes near zero ({} N, peak 100 N): no direction, contact may be lost"
+    result.model_copy(update={"flags": {"0": near.format(1), "1": near.format(2)}}).print_to()
+    assert "no answer at 2 samples of 3, first 0 deg: the reaction at B passes near zero (1 N, peak 100 N)" in (
+        " ".join(capsys.readouterr().out.split())
+    )

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.motion import kinematics
 from analytic.mechanism.file import dumps, load, loads
@@ -30,7 +31,7 @@ from compare.report.figure import Axis, Figure, Series
 from compare.report.linkage import exaggeration, linkage_figure, parts
 from compare.report.pages import script_json
 from compare.report.summary import summarise
-from compare.report.svg import draw, exponent, ticks
+from compare.report.svg import LEFT, RIGHT, WIDTH, draw, exponent, ticks
 from compare.report.tables import print_rows
 from compare.report.words.crosscheck import headline
 from compare.results.crosscheck import CrossCheck
@@ -418,9 +419,24 @@ def test_a_joints_name_stays_within_the_axes_and_clear_of_another_one() -> None:
     joints = Series("", (0.0, 0.5, 30.0), (0.1, 0.0, 0.1), "frame", "joint", labels=("crankpin", "motor", "spindle"))
     edge = Series("", (-1.0, 31.0), (-1.0, 1.0), "frame")
     root = ElementTree.fromstring(draw(Figure("f", "t", "s", Axis("x", ""), Axis("y", ""), (edge, joints))))
-    said = {t.text: (t.get("text-anchor"), float(t.get("y", "nan"))) for t in root.iter(f"{SVG}text")}
-    assert [said[name][0] for name in ("crankpin", "motor", "spindle")] == ["start", "start", "end"]
-    assert said["motor"][1] - said["crankpin"][1] >= 14
+    said = {t.text: (float(t.get("x", "nan")), float(t.get("y", "nan"))) for t in root.iter(f"{SVG}text")}
+    for name in ("crankpin", "motor", "spindle"):
+        assert LEFT < said[name][0] < WIDTH - RIGHT - 8.6 * len(name)
+    assert abs(said["motor"][1] - said["crankpin"][1]) >= 13 or abs(said["motor"][0] - said["crankpin"][0]) > 8.6 * 8
+
+
+@pytest.mark.parametrize("name", ["reactions", "drive_torque", "vector_F"])
+def test_what_a_peak_is_covers_no_curve_of_a_drawing(name: str) -> None:
+    root = ElementTree.fromstring(lc.analyse("six-bar").files()[f"{name}.svg"])
+    (area,) = (g for g in root.iter(f"{SVG}g") if g.get("clip-path"))
+    ends = [re.findall(r"([\d.]+) ([\d.]+)", path.get("d", "")) for path in area if path.get("stroke-width") != "1.6"]
+    curves = np.array([[float(v) for v in end] for path in ends for end in path])
+    peaks = [t for t in root.iter(f"{SVG}text") if " at " in str(t.text)]
+    assert peaks
+    for text in peaks:
+        x, y, wide = float(text.get("x", "")), float(text.get("y", "")), 6.2 * len(str(text.text))
+        inside = (curves > (x, y - 11)) & (curves < (x + wide, y + 3))
+        assert not inside.all(axis=1).any(), text.text
 
 
 def test_a_curve_is_drawn_where_its_axes_say() -> None:

@@ -67,6 +67,10 @@ def test_a_place_or_an_angle_of_a_body_will_do_as_well() -> None:
     turned = Load(body="crank", torque=1.0, over="rod_angle", table=((-0.5, 0.0), (0.5, 1.0)))
     rod = np.arcsin(-CRANK * np.sin(TURN) / ROD)
     np.testing.assert_allclose(extra("static", turned), -(rod + 0.5), atol=1e-12)
+    between = Load(body="crank", torque=1.0, over="position_A", table=((-math.pi, 0.0), (0.0, 1.0)))
+    apart = np.angle(np.exp(1j * (rod - TURN)))  # the rod's angle less the crank's
+    share = np.where(apart < 0, 1.0 + apart / math.pi, 1.0 - apart / math.pi)
+    np.testing.assert_allclose(extra("static", between), -share, atol=1e-12)
     always = Load(body="crank", torque=1.0, over="crank_angle", start=0.0, end=math.tau)
     np.testing.assert_allclose(extra("static", always), -1.0, atol=1e-12)
 
@@ -104,7 +108,8 @@ def test_clearance_is_taken_up_where_the_load_presses() -> None:
 )
 def test_every_engine_that_has_such_loads_agrees(name: str, model: JointModel, motion: Motion) -> None:
     steady = Load(body="slider", force=(-300.0, 0.0))  # the pin never leaves its side, whatever varies beside
-    run = agreed(name, press(PUSH, TOOL, steady, speed=12.0), model, motion, {"B": 5e-4}, TURN)
+    knee = Load(body="rod", torque=5.0, over="position_A", table=((-3.0, 0.0), (0.0, 1.0), (3.0, -1.0)))
+    run = agreed(name, press(PUSH, TOOL, steady, knee, speed=12.0), model, motion, {"B": 5e-4}, TURN)
     torque = run.simulated["drive_torque"]
     assert np.ptp(torque) > 10  # the loads are felt
 
@@ -270,7 +275,7 @@ FAULTS = {
     'over = "position_S"': "from and to, or a table",
     "from = 1.0\nto = 2.0": "has over and either",
     'over = "position_S"\nfrom = 1.0': "give both from and to",
-    'over = "position_B"\nfrom = 1.0\nto = 2.0': "nothing that a load of this linkage varies over; they are",
+    'over = "position_X"\nfrom = 1.0\nto = 2.0': "nothing that a load of this linkage varies over; they are",
     'over = "crank_angle"\nfrom = "40 deg"\nto = "40 deg"': "which is nowhere; give it a stretch",
     'over = "crank_angle"\ntable = [[1.0, 0.0]]': "two pairs of value and factor at least",
     'over = "crank_angle"\ntable = [[1.0, 0.0], [1.0, 1.0]]': "in increasing order",

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import numpy as np
 import pint
@@ -16,7 +16,7 @@ import linkage_crosscheck as lc
 from analytic.kinematics.assembly import Assembly
 from analytic.mechanism import MechanismError
 from analytic.mechanism.file import dumps, load, loads
-from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Sensor, Spring
+from analytic.mechanism.parts import Body, Drive, Elasticity, Joint, Load, MechanismPart, Sensor, Spring, Stop
 from analytic.mechanism.units import COMMON, SI, UnitError, factor_to_si, powers
 from analytic.mechanism.written import (
     BODY,
@@ -28,13 +28,18 @@ from analytic.mechanism.written import (
     REVOLUTE,
     SENSOR,
     SPRING,
+    STOP,
     STOPS,
     in_si,
     quantity,
     runs_in_si,
 )
-from compare.diagnose.data.measured_file import read_file
+from compare.diagnose.data.measured import load_measured
+from compare.diagnose.data.measured_file import QUANTITIES, read_file, tolerance_in_si
+from compare.diagnose.plan.bench import read_bench
 from compare.faults import ArgumentError
+from compare.judge.signals import LINE_OF, ToleranceKind
+from compare.judge.tolerances import UNITS_OF, ToleranceError, checked_known, load_tolerances
 from compare.questions.option import (
     Angle,
     Angles,
@@ -208,6 +213,7 @@ PARTS: Mapping[type[MechanismPart], set[str]] = {
     Sensor: set(SENSOR),
     Drive: {*DRIVE, "speed"},
     Load: {*LOAD, "start", "end", "table"},
+    Stop: set(STOP),
 }
 WITHOUT_UNIT = {
     "name", "type", "bodies", "body", "joint", "point", "axis", "restitution", "contact_law", "elasticity",
@@ -220,6 +226,125 @@ PLACES = {Spring: {"points"}}  # names of points
 def test_every_field_with_a_dimension_may_be_written_with_its_unit(part: type[MechanismPart]) -> None:
     fields = set(part.model_fields) - WITHOUT_UNIT - PLACES.get(part, set())
     assert fields - PARTS[part] == set()
+
+
+STOPPED = """
+[[stop]]
+joint = "S"
+from = "40 mm"
+stiffness = "2 N/mm"
+
+[tolerances]
+"body.crank.mass" = { sd = "3 g" }
+"body.crank.length" = { sd = "10 um" }
+"joint.A.clearance" = { limits = ["0.04 mm", "6e-5 m"] }
+"stop.S.from" = { sd = "0.1 mm" }
+"load.crank.torque" = { sd = "100 N.mm" }
+"drive.speed" = { sd = "3 rpm" }
+"gravity.y" = { sd = "1 cm/s^2" }
+"ground.points.S.y" = { sd = "1 mm" }
+"""
+
+
+def test_tolerances_and_stops_are_in_the_unit_of_what_they_are_of() -> None:
+    m = loads(FILE + STOPPED)
+    assert (m.stops[0].start, m.stops[0].stiffness) == (pytest.approx(0.04), pytest.approx(2000.0))
+    made = {name: each.sd or each.limits for name, each in m.tolerances.items()}
+    expected = [3e-3, 1e-5, (4e-5, 6e-5), 1e-4, 0.1, math.pi / 10, 0.01, 1e-3]
+    assert list(made.values()) == [pytest.approx(each) for each in expected]
+    with pytest.raises(MechanismError, match=r"tolerances\[stop.S.from\].sd = '3 deg' has unit 'deg', which is of"):
+        loads(FILE + STOPPED.replace('{ sd = "0.1 mm"', '{ sd = "3 deg"'))
+
+
+def test_a_linkage_that_is_changed_in_python_takes_the_same_texts() -> None:
+    m = loads(FILE)
+    loose = m.replace(tolerances={"body.crank.mass": {"sd": "3 g"}, "joint.S.damping": {"sd": "1 N.s/m"}})
+    assert [each.sd for each in loose.tolerances.values()] == [pytest.approx(3e-3), 1.0]
+    stops = ({"joint": "S", "from": "40 mm", "stiffness": "2 N/mm"}, {"joint": "B", "end": "170 deg", "stiffness": 1.0})
+    slide, pin = m.replace(stops=stops).stops
+    assert (slide.start, slide.stiffness, pin.end) == (pytest.approx(0.04), 2000.0, pytest.approx(math.radians(170)))
+    free = m.replace(drives=({"joint": "D", "speed": "free"},), initial={"velocity_D": "60 rpm"})
+    assert free.initial["velocity_D"] == pytest.approx(2 * math.pi)
+    tool = Load(body="crank", torque="2 N.m", over="crank_angle", start="200 deg", end="340 deg")  # type: ignore[arg-type]
+    assert m.replace(loads=(tool,)).loads == (m.loads[1],)
+    with pytest.raises(MechanismError, match=r"stop\[S\].from = '40 deg' has unit 'deg'.*give it in m, mm"):
+        m.replace(stops=({"joint": "S", "from": "40 deg", "stiffness": 1.0},))
+
+
+def _recorded(folder: Path, run: str = "", top: str = "") -> Path:
+    swing = "".join(f"{t / 100},{1.6 + 0.01 * math.sin(t / 4)}\n" for t in range(40))
+    (folder / "a.csv").write_text(f"time [s],follower_angle [rad]\n{swing}", encoding="utf-8")
+    (folder / "m.toml").write_text(dumps(load("crank-rocker")), encoding="utf-8")
+    file = f'mechanism = "m.toml"\n{top}\n[[run]]\nname = "a"\nfile = "a.csv"\n{run}\n'
+    (folder / "measured.toml").write_text(file, encoding="utf-8")
+    return folder / "measured.toml"
+
+
+def test_noise_start_and_tolerance_of_measured_data_may_say_their_units(tmp_path: Path) -> None:
+    run = 'drive = "free"\nnoise = { follower_angle = "0.05 deg" }\nstart = { crank_angular_velocity = "30 rpm" }'
+    top = 'tolerance = { mass = "5 g", joint_spring = { stiffness = "2 N.m/deg" } }'
+    read = load_measured(_recorded(tmp_path, run, top))
+    assert read.runs[0].channels["follower_angle"].noise == pytest.approx(math.radians(0.05))
+    assert read.runs[0].start["crank_angular_velocity"] == pytest.approx(math.pi)
+    assert read.tolerance == {"mass": 5e-3, "joint_spring.stiffness": pytest.approx(2 * 180 / math.pi)}
+    for wrong, said in {
+        ('noise = { follower_angle = "0.05 mm" }', ""): r"run\[a\].noise.follower_angle = '0.05 mm' has unit 'mm'.*deg",
+        ('noise = { follower_angle = "much" }', ""): "noise.follower_angle = 'much': input should be a valid number",
+        ("", 'tolerance = { mass = "5 mm" }'): "measured.toml: tolerance.mass = '5 mm' has unit 'mm'.*give it in kg",
+        ("", 'tolerance = { mass = "light" }'): "tolerance.mass = 'light' has no number; give kg, or a number with its",
+        ("", 'tolerance = { mas = "5 g" }'): "tolerance.mas = '5 g'",
+    }.items():
+        with pytest.raises(ValueError, match=said):
+            load_measured(_recorded(tmp_path, *wrong))
+
+
+def test_every_quantity_of_a_tolerance_of_measured_data_has_a_unit() -> None:
+    units = {"mass": "g", "length": "mm", "inertia": "kg.mm^2", "force": "kN", "torque": "N.mm", "angle": "deg",
+             "time": "ms", "damping": "mN.m.s/rad", "stiffness": "N/mm", "clearance": "um", "modulus": "GPa",
+             "gain": "1", "gravity": "mm/s^2"}  # fmt: skip
+    assert set(units) == set(QUANTITIES)
+    for name, unit in units.items():
+        read = cast(Mapping[str, float], tolerance_in_si({name: f"2 {unit}" if unit != "1" else "2"}))
+        assert isinstance(read[name], float), name
+
+
+def test_a_plan_takes_units_with_or_without_a_space(tmp_path: Path) -> None:
+    (tmp_path / "plan.toml").write_text(
+        'mechanism = "crank-rocker"\ntolerance = { mass = "5 g" }\n[rig]\nspeeds = ["60rpm"]\n'
+        'sensors = { follower_angle = "0.05deg" }\n',
+        encoding="utf-8",
+    )
+    rig = read_bench(tmp_path / "plan.toml", None, None, 3.0)
+    assert rig.speeds == (pytest.approx(2 * math.pi),)
+    assert rig.sensors[0].noise == pytest.approx(math.radians(0.05))
+    assert rig.tolerance == {"mass": 5e-3}
+
+
+def test_a_tolerance_file_takes_units_and_knows_one_for_each_of_its_lines(tmp_path: Path) -> None:
+    assert set(UNITS_OF) >= set(get_args(ToleranceKind)) - set(LINE_OF)
+    known = '[[known]]\ncase = "paper"\nsignal = "reaction_B_angle"\nreason = "Eq. 8"\nbound = "7 deg"\n'
+    file = tmp_path / "t.toml"
+    text = (
+        'rest = "1 cm/s^2"\n[driven.contact]\nangle = { absolute = "2 deg", window = "0.1 deg" }\n'
+        'torque = { absolute = "3 N.mm" }\nvelocity = { absolute = "2 mm/s" }\n'
+        f'[statistics]\npeak_force = {{ absolute = "2 kN" }}\n{known}'
+    )
+    file.write_text(text, encoding="utf-8")
+    read = checked_known(load_tolerances(file), load("paper"))
+    line = read.line("driven", "contact", "angle")
+    assert (line.absolute, line.window) == (pytest.approx(math.radians(2)), pytest.approx(math.radians(0.1)))
+    assert read.line("driven", "contact", "torque").absolute == pytest.approx(3e-3)
+    assert read.line("driven", "contact", "velocity").absolute == pytest.approx(2e-3)
+    assert (read.rest, read.statistics["peak_force"].absolute) == (0.01, 2000.0)
+    assert read.known[-1].largest == pytest.approx(math.radians(7))
+    for good, bad, said in [
+        ('absolute = "2 deg"', 'absolute = "2 mm"', "driven.contact.angle.absolute = '2 mm' has unit 'mm'.*rad"),
+        ('"7 deg"', '"7 mm"', r"known\[\d\].bound = '7 mm' has unit 'mm', which is of another dimension"),
+        ('"7 deg"', '"0 deg"', "give more than 0"),
+    ]:
+        file.write_text(text.replace(good, bad), encoding="utf-8")
+        with pytest.raises(ToleranceError, match=said):
+            checked_known(load_tolerances(file), load("paper"))
 
 
 def test_runs_of_measured_data_may_say_their_units_too() -> None:

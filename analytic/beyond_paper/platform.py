@@ -60,9 +60,13 @@ class Platform:
 
     def along_reactions(self, d: Output) -> np.ndarray:
         """Displacement (N,) with every pin along its reaction (Eq. 8); NaN where one with clearance has none."""
-        loose = self.clearances > 0
-        gaps = self.clearances[loose, None] * self.directions[loose]
-        return displacement(self.gaps[d][loose], gaps)
+        return sum(self.by_joint(d).values(), np.zeros(self.motion.theta.shape[-1]))
+
+    def by_joint(self, d: Output) -> dict[str, np.ndarray]:
+        """What the clearance of each pin that has some does alone of :meth:`along_reactions` (N,)."""
+        gaps = self.clearances[:, None] * self.directions
+        loose = {pin: [k] for k, pin in enumerate(self.motion.structure.pins) if self.clearances[k] > 0}
+        return {pin: displacement(self.gaps[d][k], gaps[k]) for pin, k in loose.items()}
 
     def worst_clearance(self, d: Output) -> np.ndarray:
         """Largest displacement (N,) to either side, wherever the pins lie."""

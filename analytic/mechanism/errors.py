@@ -15,7 +15,7 @@ from analytic.errors import Error
 MOST_FAULTS = 5  # of a file that a message names
 LONGEST_QUOTE = 100  # characters of a name or a value that a message quotes
 # a model's name, also of one that is checked as a whole, or the words that a field may be
-KIND = re.compile(r"[A-Z][A-Za-z]+|literal\[.*\]|function-after\[.*\]")
+KIND = re.compile(r"[A-Z][A-Za-z]+|(literal|function-after|dict)\[.*\]|constrained-[a-z]+")
 VECTORS = {"gravity": "m/s^2", "force": "N", "com": "m", "marker": "m"}  # their units
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = LONGEST_QUOTE

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted
 from analytic.mechanism.reading import ReadingError, parse_toml, read_toml
-from analytic.mechanism.tolerances import sources, with_units
+from analytic.mechanism.tolerances import sources
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import in_si
 
@@ -78,11 +78,7 @@ def checked(fields: Mapping[str, object], source: str, folder: Path | None = Non
     """
     try:
         fields = in_si(fields, folder)
-        stated = fields.pop("tolerances", {})
         mechanism = Mechanism.model_validate(fields)
-        if stated:
-            fields["tolerances"] = with_units(mechanism, stated)
-            mechanism = Mechanism.model_validate(fields)
         sources(mechanism)
         return mechanism
     except (MechanismError, UnitError, ReadingError) as error:

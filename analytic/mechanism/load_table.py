@@ -35,7 +35,7 @@ def with_tables(
     if unit is None or not isinstance(over, str):
         is_read = "needs over" if over is None else f"is read over {over!r}"
         raise ReadingError(
-            f"{where} {is_read}; give over = crank_angle, <body>_angle, <body>_x, <body>_y, position_<slide> or time"
+            f"{where} {is_read}; give over = crank_angle, <body>_angle, <body>_x, <body>_y, position_<joint> or time"
         )
     given = [name for name in ("force", "torque", "from", "to") if name in load]
     if given:

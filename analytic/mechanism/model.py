@@ -57,7 +57,7 @@ from analytic.mechanism.parts import (
 )
 from analytic.mechanism.signals import Signal, driving, position
 from analytic.mechanism.varying import NEVER, Fading, Quantity, Seen, Vectors, acting, quantities
-from analytic.mechanism.written import INITIAL
+from analytic.mechanism.written import INITIAL, in_si
 from analytic.writing import write_atomically
 
 P = TypeVar("P", Body, Joint)
@@ -101,8 +101,23 @@ class Mechanism(MechanismPart):
     tolerances: Annotated[Mapping[str, Tolerance], BeforeValidator(_in_quotes)] = Field(default_factory=dict)
     initial: Mapping[str, SiNumber] = Field(default_factory=dict)  # velocity_<joint>: rad/s, m/s of one that runs free
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_si(cls, given: object) -> object:
+        """Fields that are written with their unit as numbers in SI.  Raises UnitError, ReadingError."""
+        if not isinstance(given, Mapping):
+            return given
+        return in_si(
+            {
+                (field.alias or name) if (field := cls.model_fields.get(name)) else name: value
+                for name, value in given.items()
+            }
+        )
+
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
+        if name not in self.parts:
+            raise KeyError(f"{name}: no such body; they are {', '.join(self.parts)}")
         return self.parts[name]
 
     def joint(self, name: str) -> Joint:
@@ -110,7 +125,7 @@ class Mechanism(MechanismPart):
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise KeyError(name)
+        raise KeyError(f"{name}: no such joint; they are {', '.join(joint.name for joint in self.joints)}")
 
     @property
     def moving(self) -> dict[str, Body]:

@@ -15,6 +15,7 @@ from typing import Annotated, Literal, TypeVar, cast
 import numpy as np
 from pydantic import (
     AfterValidator,
+    AliasChoices,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -37,7 +38,8 @@ LONGEST_NAME = 100  # characters of a name: it is part of files' names, which ma
 
 
 def as_tuple(value: object) -> object:
-    """A list as a tuple; anything else as it is."""
+    """A list, or an array, as a tuple; anything else as it is."""
+    value = value.tolist() if isinstance(value, np.ndarray) else value
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -96,6 +98,7 @@ def _heavy(value: object) -> object:
     return value
 
 
+FROM = Field(alias="from", validation_alias=AliasChoices("from", "from_"))  # which Python keeps for itself
 ContactLaw = Literal["kelvin-voigt", "hunt-crossley", "lankarani-nikravesh", "flores", "gonthier"]
 LARGEST_NUMBER = 1e40  # in any SI unit: beyond all linkages, and its powers that occur are still finite
 FARTHEST_ANGLE = 1e4  # rad, of an assembly angle: 1600 turns
@@ -252,7 +255,7 @@ class Stop(MechanismPart):
     """
 
     joint: PartName
-    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad (prismatic: m)
+    start: Annotated[SiNumber | None, FROM] = None  # rad (prismatic: m)
     end: Annotated[SiNumber | None, Field(alias="to")] = None
     stiffness: SiPositive  # N.m/rad (prismatic: N/m)
     damping: SiNotNegative = 0.0  # N.m.s/rad (prismatic: N.s/m)
@@ -608,9 +611,9 @@ class Load(MechanismPart):
     """A force (N, ground frame, fixed in direction) at a point of a body, or a torque (N.m) on it.
 
     It acts always, or ``over`` a quantity of the motion: ``crank_angle``, ``<body>_angle`` (rad, every turn alike),
-    ``<body>_x``, ``<body>_y`` or ``position_<slide>`` (m), or ``time`` (s since a run's start).  Then it acts ``from``
-    one value ``to`` another, or as many times as a ``table`` says: pairs of value and factor with straight lines
-    between them, beyond them the nearest.
+    ``<body>_x``, ``<body>_y`` (m), ``position_<joint>`` (rad, every turn alike; of a slide m), or ``time`` (s since a
+    run's start).  Then it acts ``from`` one value ``to`` another, or as many times as a ``table`` says: pairs of value
+    and factor with straight lines between them, beyond them the nearest.
 
     If it ``opposes``, only its size is its own: the force acts against the velocity of its point, the torque against
     the angular velocity of its body, at rest against those of the drive's motion.
@@ -621,7 +624,7 @@ class Load(MechanismPart):
     force: Vector = (0.0, 0.0)
     torque: SiNumber = 0.0
     over: str = ""
-    start: Annotated[SiNumber | None, Field(alias="from")] = None  # rad, m or s
+    start: Annotated[SiNumber | None, FROM] = None  # rad, m or s
     end: Annotated[SiNumber | None, Field(alias="to")] = None
     table: Annotated[tuple[Vector, ...], BeforeValidator(as_tuple), AfterValidator(Table)] = ()
     opposes: bool = False  # against the motion: of a tool that cuts, of a brake

@@ -20,7 +20,6 @@ from analytic.mechanism.checks import MechanismWarning
 from analytic.mechanism.errors import MechanismError, brief
 from analytic.mechanism.model import Mechanism
 from analytic.mechanism.parts import Joint, Tolerance
-from analytic.mechanism.written import part_in_si
 
 # what may vary, by kind of part; of a vector its x and y each by itself
 MAY_VARY: Mapping[str, tuple[str, ...]] = {
@@ -166,20 +165,6 @@ def changed(m: Mechanism, values: Mapping[str, float]) -> Mechanism:
     with warnings.catch_warnings():  # of what looks like a slip of units, which the file has told already
         warnings.simplefilter("ignore", MechanismWarning)
         return dotted.with_values(m, {_field(m, name): float(number) for name, number in values.items()})
-
-
-def with_units(m: Mechanism, stated: object) -> object:
-    """The ``[tolerances]`` of a file with numbers that have a unit in SI; what cannot be is left as it is.  Raises
-    UnitError, and MechanismError for what is no field.
-    """
-    if not isinstance(stated, Mapping):
-        return stated
-    return {
-        name: part_in_si(given, dict.fromkeys(("sd", "limits"), _field(m, name).unit), f"tolerances[{name}]")
-        if isinstance(given, Mapping) and given.keys() & Tolerance.model_fields.keys()
-        else given
-        for name, given in stated.items()
-    }
 
 
 def _field(m: Mechanism, name: str) -> dotted.Dotted:

@@ -39,11 +39,14 @@ class Seen(Generic[Amount]):
 
 @dataclass(frozen=True)
 class Quantity:
-    """An angle (rad) of a body, x or y (m) of one, the travel (m) of a slide, or the time (s) since a run's start."""
+    """An angle (rad) of a body, ``less`` that of another where it is a joint's, x or y (m) of a body, the travel (m)
+    of a slide, or the time (s) since a run's start.
+    """
 
     kind: Literal["angle", "x", "y", "travel", "time"]
     body: str = ""
     slide: Joint | None = None
+    less: str = GROUND
 
     @property
     def unit(self) -> SiUnit:
@@ -53,7 +56,8 @@ class Quantity:
     def value(self, seen: Seen[Amount]) -> Amount:
         """Its value, one or (N,), where a linkage is seen."""
         if self.kind == "angle":
-            return seen.angle(self.body)
+            turned = seen.angle(self.body) if self.body != GROUND else 0.0 * seen.angle(self.less)
+            return turned if self.less == GROUND else turned - seen.angle(self.less)
         if self.kind == "time":
             return seen.time()
         if self.slide is None:
@@ -75,8 +79,9 @@ def quantities(driven: str, bodies: Iterable[Body], joints: Iterable[Joint]) -> 
         yield f"{body.name}_x", Quantity("x", body.name)
         yield f"{body.name}_y", Quantity("y", body.name)
     for joint in joints:
-        if joint.prismatic:
-            yield f"position_{joint.name}", Quantity("travel", slide=joint)
+        first, second = joint.bodies
+        turned = Quantity("angle", second, less=first)
+        yield f"position_{joint.name}", Quantity("travel", slide=joint) if joint.prismatic else turned
 
 
 def acting(

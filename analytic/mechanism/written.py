@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from analytic.mechanism.load_table import with_tables
@@ -56,8 +55,9 @@ PRISMATIC = {
 }
 ELASTICITY = {"translation": "N/m", "rotation": "N.m/rad"}
 SPRING = {"stiffness": "N/m", "length": "m", "damping": "N.s/m"}
-STOP = {"from": "rad", "to": "rad", "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
-SLIDE_STOP = {"from": "m", "to": "m", "stiffness": "N/m", "damping": "N.s/m"}
+ENDS = ("from", "to", "from_", "start", "end")  # of a stop, or of what a load varies over, in a file and in Python
+STOP = {**dict.fromkeys(ENDS, "rad"), "stiffness": "N.m/rad", "damping": "N.m.s/rad"}
+SLIDE_STOP = {**dict.fromkeys(ENDS, "m"), "stiffness": "N/m", "damping": "N.s/m"}
 STOPS = {"rad/s": STOP, "m/s": SLIDE_STOP, "": dict.fromkeys(STOP, "")}  # by the unit in which their joints move
 WAVE = {"amplitude": "rad", "phase": "rad"}
 WAVES = ("ripple", "periodic_torque")
@@ -66,25 +66,36 @@ WHOLE = {"gravity": "m/s^2", "assembly": "rad", "ground": "m"}
 DRIVE = {"stiffness": "N.m/rad", "half_gap": "rad"}
 LOAD = {"force": "N", "torque": "N.m"}
 SENSOR = {"point": "m", "youngs_modulus": "Pa"}
+ALONE: Mapping[str, SiUnit] = {"time": "s", "crank_angle": "rad"}  # what a load may vary over whatever the linkage
 Units = Mapping[str, str]
 _BY_ITSELF: Mapping[str, Callable[[Mapping[str, Any]], Units]] = {  # by the part: what it is in, whatever it belongs to
-    "mechanism": lambda _: WHOLE,
     "ground": lambda _: {"points": "m"},
     "body": lambda _: BODY,
     "joint": lambda j: JOINT | (PRISMATIC if j.get("type") == "prismatic" else REVOLUTE),
     "drive": lambda _: DRIVE | {"speed": "rad/s"},
     "spring": lambda _: SPRING,
     "sensor": lambda _: SENSOR,
-    "load": lambda _: LOAD,
+    "load": lambda load: LOAD | _over(ALONE.get(str(load.get("over")))),
 }
 
 
+def _over(unit: str | None) -> dict[str, str]:
+    """What says where a load varies is in the unit of what it varies over; of nothing that there is, as it is."""
+    return {} if unit is None else dict.fromkeys((*ENDS, "table"), unit)
+
+
 def by_itself_in_si(kind: str, part: Mapping[str, object]) -> dict[str, object]:
-    """The fields of a part, or of a whole mechanism, in SI as far as their units do not depend on what it belongs to.
-    Raises UnitError, which names the field.
+    """The fields of a part in SI as far as their units do not depend on what it belongs to.  Raises UnitError, which
+    names the field.
     """
     units = _BY_ITSELF.get(kind)
-    return dict(part) if units is None else part_in_si(part, units(part), "")
+    out = dict(part) if units is None else part_in_si(part, units(part), "")
+    for name in ENDS if kind in ("load", "stop") else ():
+        if isinstance(text := out.get(name), str) and quantity(text, "") is not None:
+            of = "over" if kind == "load" else "joint"
+            how = f"give a number in SI, or the {kind} as a dict in {kind}s=[...] of the mechanism"
+            raise UnitError(f"{name} = {text!r}: what {out.get(of)} is measured in is not known here; {how}")
+    return out
 
 
 def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
@@ -98,13 +109,36 @@ def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str,
         out["initial"] = part_in_si(given, {name: _rate(out, name.removeprefix(INITIAL)) for name in given}, "initial")
     for table, units in _units_by_table(out).items():
         parts = out.get(table)
-        if table == "load" and isinstance(parts, list):
-            out[table] = _loads(parts, _units_over(out), folder, table)
-        elif isinstance(parts, list):
+        if isinstance(parts, list | tuple) and not any(isinstance(part, Mapping) for part in parts):
+            continue  # made already
+        if table == "load" and isinstance(parts, list | tuple):
+            out[table] = _loads(parts, _units_over(out).get, folder, table)
+        elif isinstance(parts, list | tuple):
             out[table] = [part_in_si(p, units(p), _called(table, p)) if isinstance(p, Mapping) else p for p in parts]
         elif isinstance(parts, Mapping):
             out[table] = part_in_si(parts, units(parts), table)
+    if isinstance(out.get("tolerances"), Mapping):
+        out["tolerances"] = {
+            name: part_in_si(given, dict.fromkeys(("sd", "limits"), _varying(out, name)), f"tolerances[{name}]")
+            if isinstance(given, Mapping)
+            else given
+            for name, given in out["tolerances"].items()
+        }
     return out
+
+
+def _varying(fields: Mapping[str, Any], name: str) -> str:
+    """The SI unit of what a tolerance is of, by its dotted name; empty of what is no number."""
+    table, *steps = name.split(".")
+    if table in WHOLE and table != "ground":
+        return WHOLE[table]
+    units, parts = _units_by_table(fields).get(table), _tables(fields, table)
+    if units is None or not parts or not steps:
+        return ""
+    named = {step: p for k, p in enumerate(parts, 1) for step in (str(k), p.get("body"), p.get("joint"), p.get("name"))}
+    part = named.get(steps[0])
+    field = steps[0] if part is None else (*steps[1:], "")[0]
+    return "m" if field == "length" else units(parts[0] if part is None else part).get(field, "")
 
 
 def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
@@ -126,12 +160,11 @@ def si_unit(fields: Mapping[str, object], place: Sequence[str | int]) -> str:
 
 def _units_by_table(fields: Mapping[str, Any]) -> Mapping[str, Callable[[Mapping[str, Any]], Units]]:
     """By table what the fields of one of its parts are in."""
-    over = _units_over(fields)
     return {
         **_BY_ITSELF,
         "drive": lambda d: DRIVE | {"speed": _rate(fields, d.get("joint"))},
         "stop": lambda stop: STOPS[_rate(fields, stop.get("joint"))],
-        "load": lambda load: LOAD | dict.fromkeys(("from", "to", "table"), over.get(str(load.get("over")), "")),
+        "load": lambda load: LOAD | _over(_units_over(fields).get(str(load.get("over")), "")),
     }
 
 
@@ -150,10 +183,11 @@ def _slides(fields: Mapping[str, Any]) -> set[object]:
 def _units_over(fields: Mapping[str, Any]) -> dict[str, SiUnit]:
     """The unit of each quantity that a load may vary over."""
     bodies = {body.get("name") for body in _tables(fields, "body")}
-    units: dict[str, SiUnit] = {"time": "s"}
-    units |= {f"position_{name}": "m" for name in _slides(fields)}
+    units: dict[str, SiUnit] = {**ALONE}
+    slides = _slides(fields)
+    units |= {f"position_{j.get('name')}": "m" if j.get("name") in slides else "rad" for j in _tables(fields, "joint")}
     units |= {f"{body}_{axis}": "m" for body in bodies for axis in "xy"}
-    return units | dict.fromkeys(("crank_angle", *(f"{body}_angle" for body in bodies)), "rad")
+    return units | dict.fromkeys((f"{body}_angle" for body in bodies), "rad")
 
 
 def _units_within(field: str) -> Units | None:
@@ -164,11 +198,11 @@ def _units_within(field: str) -> Units | None:
 
 
 def runs_in_si(
-    runs: object, units_over: Mapping[str, SiUnit] = MappingProxyType({}), folder: Path | None = None
+    runs: object, unit_of: Callable[[str], SiUnit | None] = lambda name: None, folder: Path | None = None
 ) -> object:
-    """The ``[[run]]`` tables of measured data, their speeds, angles and loads that are written with their unit as
-    numbers in SI, and tables of loads that are files in a ``folder`` read; ``units_over`` has the unit of each quantity
-    that a load may vary over.  Raises UnitError, which names the field, and ReadingError.
+    """The ``[[run]]`` tables of measured data, their quantities that are written with their unit as numbers in SI, and
+    tables of loads that are files in a ``folder`` read; ``unit_of`` has the unit of a signal, or of what a load may
+    vary over.  Raises UnitError, which names the field, and ReadingError.
     """
     if not isinstance(runs, list):
         return runs
@@ -180,8 +214,12 @@ def runs_in_si(
             continue
         called = _called("run", run)
         written = part_in_si(run, units, called)
+        for field in ("noise", "start"):
+            if isinstance(given := run.get(field), Mapping):
+                texts = {name: unit_of(name) or "" for name, value in given.items() if isinstance(value, str)}
+                written[field] = part_in_si(given, texts, f"{called}.{field}")
         if isinstance(run.get("load"), list):
-            written["load"] = _loads(run["load"], units_over, folder, f"{called}.load")
+            written["load"] = _loads(run["load"], unit_of, folder, f"{called}.load")
         out.append(written)
     return out
 
@@ -194,8 +232,14 @@ def sensors_in_si(sensors: object) -> object:
 
 
 def _tables(fields: Mapping[str, Any], name: str) -> list[Mapping[str, Any]]:
+    """The parts of a table, those that are made already as their fields."""
     given = fields.get(name)
-    return [each for each in given if isinstance(each, Mapping)] if isinstance(given, list) else []
+    given = given if isinstance(given, list | tuple) else [given]
+    return [
+        each if isinstance(each, Mapping) else vars(each)
+        for each in given
+        if hasattr(each, "__dict__") or isinstance(each, Mapping)
+    ]
 
 
 def _called(table: str, part: Mapping[str, Any]) -> str:
@@ -203,7 +247,9 @@ def _called(table: str, part: Mapping[str, Any]) -> str:
     return f"{table}[{name}]" if isinstance(name, str) else table
 
 
-def _loads(loads: list[object], units_over: Mapping[str, SiUnit], folder: Path | None, called: str) -> list[object]:
+def _loads(
+    loads: Sequence[object], unit_of: Callable[[str], SiUnit | None], folder: Path | None, called: str
+) -> list[object]:
     """Loads in SI, those with a table in a file as one for each of its columns.  What varies over nothing that there
     is may have any unit: what it varies over is then what is wrong.
     """
@@ -213,8 +259,8 @@ def _loads(loads: list[object], units_over: Mapping[str, SiUnit], folder: Path |
             out.append(load)
             continue
         where, over = _called(called, load), load.get("over")
-        unit = units_over.get(over) if isinstance(over, str) else None
-        written = part_in_si(load, LOAD | dict.fromkeys(("from", "to", "table"), unit or ""), where)
+        unit = unit_of(over) if isinstance(over, str) else None
+        written = part_in_si(load, LOAD | _over(unit or ""), where)
         out += with_tables(written, unit, folder, where)
     return out
 
@@ -250,6 +296,24 @@ def _read(value: Any, unit: str, called: str) -> Any:
     except UnitError as error:
         raise UnitError(f"{called} = {value!r} has {error}") from None
     return value if found is None else found
+
+
+def number(given: float | str, *units: str) -> float:
+    """A number, or one that is written with its unit, in the first of these SI units that it may be in.  Raises
+    UnitError.
+    """
+    if not isinstance(given, str):
+        return float(given)
+    faults: list[str] = []
+    for unit in units:
+        try:
+            found = quantity(given, unit)
+            return float(given) if found is None else found
+        except UnitError as error:
+            faults.append(str(error))
+        except ValueError:
+            faults.append(f"no number; give {' or '.join(units)}, or a number with its unit")
+    raise UnitError(faults[0])
 
 
 def one_unit(parts: Sequence[str]) -> list[str]:

@@ -29,6 +29,7 @@ import numpy as np
 from analytic.compiled import run
 from analytic.kinematics.assembly import Assembly, AssemblyError, CrankTable, Walk
 from analytic.kinematics.motion import Gap, kinematics
+from analytic.kinematics.output import Output
 from analytic.kinematics.reach import usual_angles
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import angles, clearances, one_line
@@ -100,6 +101,10 @@ class Displaced:
             turned = self.configuration.motion.angle(body) - self.ideal.motion.angle(body)
             out[Signal.of("rotation", body, "angle").name] = turned
         return self._blank(out)
+
+    def moved(self, d: Output) -> np.ndarray:
+        """Displacement (N,) of an output; NaN at flagged angles."""
+        return _blank(d.value(self.configuration.motion) - d.value(self.ideal.motion), list(self.flags))
 
     def rates(self) -> dict[str, np.ndarray]:
         """Velocities, accelerations and power of the displaced linkage (:meth:`Reactions.rates`), its pins' own motion

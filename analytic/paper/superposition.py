@@ -161,10 +161,7 @@ class AccuracyAnalysis:
 
     def equilibrium(self, d: Output) -> np.ndarray:
         """Displacement by finite gaps, each along the reaction of the linkage that they displace; NaN where flagged."""
-        moved = self.total.clearance
-        apart = d.value(moved.configuration.motion) - d.value(moved.ideal.motion)
-        apart[list(self.flags)] = np.nan
-        return apart
+        return self.total.clearance.moved(d)
 
     def worst_case(self, d: Output) -> np.ndarray:
         """Largest displacement to either side, wherever the pins lie within their clearance: sum c |R|."""

@@ -341,7 +341,11 @@ class Problem:
             starts = dict(zip(self.base.terms, self.base.x, strict=True))
             begun = first_fit(fitter, starts, self.sought, late)
             first = [] if begun is None else [begun]
-        return Inference(fitter, base, self.sought, late, before).posterior(first)
+        return Inference(fitter, base, self.sought, late, before, self.tell).posterior(first)
+
+    def tell(self, said: str) -> None:
+        """Say what the search is at."""
+        self.options.progress(f"search: {said}", 1, 4)
 
     def note_difference(self, size: float, closed: bool) -> None:
         """Note by how much (noise, rms) the chosen engine differs from the analytic model, and what was done about it:

@@ -383,7 +383,7 @@ def judge(
         peak = f"{np.nanmax(np.abs(other)):.3g} {rule.signal.unit}"
         why = f"{NOT_TOLD_APART} (at most {peak}); a column that says nothing would agree as well"
         return _discrepancy(rule, widest, "unjudged", why)
-    bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.bound))
+    bound = difference(apart, np.where(np.isnan(tolerance), np.nan, known.largest))
     verdict, why = _judge_known(known, widest, bound or widest, rule.signal.unit)
     return _discrepancy(rule, widest, verdict, why)
 
@@ -415,11 +415,11 @@ def _judge_known(known: Known, difference: Difference, of_bound: Difference, uni
         return (
             "disagrees",
             (
-                f"known difference has left its bound of {known.bound:g} {unit}: it reaches {of_bound.max:.4g} {unit}"
+                f"known difference has left its bound of {known.largest:g} {unit}: it reaches {of_bound.max:.4g} {unit}"
                 f" ({known.reason})"
             ),
         )
-    return "known", f"{known.reason} (bound {known.bound:g} {unit})"
+    return "known", f"{known.reason} (bound {known.largest:g} {unit})"
 
 
 def _discrepancy(rule: Rule, widest: Difference, verdict: SignalVerdict, reason: str = "") -> Comparison:

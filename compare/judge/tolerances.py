@@ -17,9 +17,11 @@ from analytic.errors import Error
 from analytic.mechanism import Mechanism
 from analytic.mechanism.errors import describe
 from analytic.mechanism.reading import ReadingError, read_toml
+from analytic.mechanism.units import UnitError
+from analytic.mechanism.written import number
 from analytic.paper.clearance import Model
 from compare.judge.signals import LINE_OF, ToleranceKind, compared
-from compare.results.contact import STATISTICS, StatisticName
+from compare.results.contact import STATISTICS, UNITS, StatisticName
 from sim_models.engine import ENGINES, JOINT_MODELS, MOTIONS, JointModel, Motion, scheme_of
 
 Allowance = Annotated[float, Field(ge=0)]
@@ -29,6 +31,11 @@ Several = BeforeValidator(
     lambda value: (value,) if isinstance(value, str) else tuple(value) if isinstance(value, list) else value
 )
 SCALARS = ("floor", "noise", "rest")
+UNITS_OF: Mapping[str, tuple[str, ...]] = {  # a line's; of one for signals of several units each of these
+    "angle": ("rad",), "magnitude": ("N",), "displacement": ("m",), "rotation": ("rad",), "torque": ("N.m", "N", "W"),
+    "position": ("rad",), "place": ("m",), "velocity": ("rad/s", "m/s"), "acceleration": ("m/s^2", "rad/s^2"),
+    **{name: (unit,) for name, unit in UNITS.items()},
+}  # fmt: skip
 
 
 class ToleranceError(Error, ValueError):
@@ -77,11 +84,16 @@ class Known(_TolerancePart):
     case: NonEmptyText
     signal: NonEmptyText
     reason: NonEmptyText
-    bound: Annotated[float, Field(gt=0)]
+    bound: Annotated[float, Field(gt=0)] | str  # with its unit, which :func:`checked_known` reads
     simulator: Annotated[tuple[NonEmptyText, ...], Several] = ()
     joint_model: Annotated[tuple[JointModel, ...], Several] = ()
     motion: Annotated[tuple[Motion, ...], Several] = ()
     analytic_model: Annotated[tuple[Model, ...], Several] = ()
+
+    @property
+    def largest(self) -> float:
+        """The bound in SI."""
+        return float(self.bound)
 
     def applies(self, case: str, **run: str) -> bool:
         """Whether this is about a run of that case with these selectors."""
@@ -145,7 +157,9 @@ def _read(path: Path, name: str) -> _ToleranceFile:
     except ReadingError as error:
         raise ToleranceError(f"{name}: {error}; give a TOML file like compare/judge/tolerances.toml") from None
     try:
-        checked = _ToleranceFile.model_validate(fields)
+        checked = _ToleranceFile.model_validate(_in_si(fields, ""))
+    except UnitError as error:
+        raise ToleranceError(f"{name}: {error}") from None
     except ValidationError as error:
         raise ToleranceError(f"{name}: {'; '.join(describe(error, fields, _ToleranceFile))}") from None
     for i, known in enumerate(checked.known):
@@ -156,6 +170,25 @@ def _read(path: Path, name: str) -> _ToleranceFile:
                     f" {', '.join(ENGINES)}"
                 )
     return checked
+
+
+def _in_si(table: Mapping[str, object], where: str, units: tuple[str, ...] = ()) -> dict[str, object]:
+    """A table of the file, its numbers that are written with a unit in SI.  Raises UnitError, which names the field."""
+    out = dict(table)
+    own = {"absolute": units, "window": ("rad",), "rest": ("m/s^2",)}
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            out[name] = _in_si(value, f"{where}{name}.", UNITS_OF.get(name, ()))
+        elif isinstance(value, str) and own.get(name):
+            out[name] = _number(f"{where}{name}", value, *own[name])
+    return out
+
+
+def _number(where: str, given: float | str, *units: str) -> float:
+    try:
+        return number(given, *units)
+    except UnitError as error:
+        raise UnitError(f"{where} = {given!r} has {error}") from None
 
 
 def _joined(shipped: _ToleranceFile, over: _ToleranceFile) -> Tolerances:
@@ -189,13 +222,26 @@ def known_differences(
     return {known.signal: known for known in tolerances.known if known.applies(case, **run)}
 
 
-def check_known(tolerances: Tolerances, mechanism: Mechanism) -> None:
-    """Refuse a known difference of this case whose signal is never compared.  Raises ToleranceError."""
+def checked_known(tolerances: Tolerances, mechanism: Mechanism) -> Tolerances:
+    """The same with the bounds of known differences of this case in SI.  Raises ToleranceError for one whose signal is
+    never compared, or whose bound is in no unit of it.
+    """
     every = (*compared(mechanism, ()), *compared(mechanism, mechanism.may_be_loose))
-    signals = dict.fromkeys(signal.name for signal in every)
-    for known in tolerances.known:
-        if known.case == mechanism.name and known.signal not in signals:
+    signals = {signal.name: signal for signal in every}
+    known = []
+    for i, each in enumerate(tolerances.known):
+        if each.case == mechanism.name and each.signal not in signals:
             raise ToleranceError(
-                f"tolerance file: known.signal = {known.signal!r} is not compared in {mechanism.name}; the signals are"
+                f"tolerance file: known.signal = {each.signal!r} is not compared in {mechanism.name}; the signals are"
                 f" {', '.join(signals)}"
             )
+        if each.case == mechanism.name and isinstance(each.bound, str):
+            try:
+                bound = _number(f"known[{i}].bound", each.bound, signals[each.signal].unit)
+            except UnitError as error:
+                raise ToleranceError(f"tolerance file: {error}") from None
+            if bound <= 0:
+                raise ToleranceError(f"tolerance file: known[{i}].bound = {each.bound!r}; give more than 0")
+            each = each.model_copy(update={"bound": bound})
+        known.append(each)
+    return tolerances.model_copy(update={"known": tuple(known)})

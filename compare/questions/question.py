@@ -66,6 +66,10 @@ def answers(question: Callable[P, Q]) -> Callable[[Callable[[Q], R]], Callable[P
         def asked(*arguments: P.args, **named: P.kwargs) -> R:
             now = _renamed(question, named)
             check_names(answer.__name__, known, now)
+            try:
+                signature.bind(*arguments, **now)
+            except TypeError as error:
+                raise TypeError(f"{answer.__name__}(): {error}") from None
             given = question(*arguments, **now)
             with progress_bar(getattr(given, "progress", None), answer.__name__.replace("_", " ")):
                 return answer(given)

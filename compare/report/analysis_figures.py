@@ -43,7 +43,7 @@ Band = tuple[str, np.ndarray, np.ndarray]  # its name, lower and upper edge (N,)
 
 def figures(result: Analysis | Simulation) -> list[Figure]:
     """All of them, those first that are looked at first."""
-    found = [*_reactions(result), *_drive(result), *_loads(result), *_vectors(result)]
+    found = [*_reactions(result), *_drive(result), *_loads(result), *vectors(result)]
     if isinstance(result, Analysis):
         found += [*error_figures(result), *transmission_figure(result)]
     return [*found, *_positions(result), *_rates(result), *_asked(result)]
@@ -161,7 +161,7 @@ def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
         yield from _in_sixes(result, f"load_{what}", f"Loads that vary: {what}", Axis(what, unit), lines, {})
 
 
-def _vectors(result: Analysis | Simulation) -> Iterator[Figure]:
+def vectors(result: Analysis | Simulation) -> Iterator[Figure]:
     """The force on the second body of each joint as a vector, in the ground's frame and in that body's own."""
     signals, known, unit = result.signals, quantities(result.mechanism), over(result).unit
     for joint in result.mechanism.joints:

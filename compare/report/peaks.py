@@ -154,7 +154,7 @@ def over(result: Of) -> Abscissa:
 
 def unanswered(result: Analysis) -> list[tuple[list[int], str]]:
     """Samples without an answer by reason, how far each is off left out but for the first."""
-    kinds = {at: re.sub(r" \([^()]*\)$", "", why) for at, why in result.flags.items()}
+    kinds = {at: re.sub(r" \([^()]*\)", "", why) for at, why in result.flags.items()}
     return [(at, result.flags[str(at[0])]) for at in by_reason(kinds).values()]
 
 

@@ -35,4 +35,4 @@ def _left_over(folder: Path, names: set[str]) -> set[str]:
 LEFT_OVER.append(_left_over)
 PRESENTATIONS |= {kind: f"compare.report.{module}:PRESENTATION" for kind, module in MODULES.items()}
 PRESENTATIONS |= {kind: f"compare.report.lists:{kind.upper()}" for kind in LISTS}
-PICTURES["orbit"] = "compare.report.orbit:plot"
+PICTURES |= {name: f"compare.report.{name}:plot" for name in ("orbit", "polar")}

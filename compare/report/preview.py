@@ -7,14 +7,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import escape
 from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
 from compare.report.curves import MOST, legend, partly
 from compare.report.figure import Axis, Figure, Series, scaled
-from compare.report.pages import PageSection, glimpse, page
+from compare.report.pages import PageSection, charts, figures_context, glimpse, page
 from compare.report.svg import draw
 from compare.report.tables import print_rows, say
 from compare.report.words.preview import DRIVES, called, encoders, facts, reach, spoken, tally, visible
@@ -29,17 +29,16 @@ SENSOR_HEADS = ("run", "signal", "samples", "noise (1 sigma)", "from nominal")
 
 def files(result: Preview) -> dict[str, str]:
     """The page."""
+    drawn_of = {
+        run.name: [one for name, sensor in run.signals.items() for one in _figures(result, run, name, sensor)]
+        for run in result.runs
+    }
     runs = [
-        {
-            "title": f"Run {run.name}: {DRIVES[run.drive]}",
-            "facts": facts(result, run),
-            "figures": [
-                Markup(draw(one)) for name, sensor in run.signals.items() for one in _figures(result, run, name, sensor)
-            ],
-        }
+        {"title": f"Run {run.name}: {DRIVES[run.drive]}", "facts": facts(result, run), "figures": drawn_of[run.name]}
         for run in result.runs
     ]
-    context: dict[str, object] = {
+    drawn = [figure for figures in drawn_of.values() for figure in figures]
+    context = figures_context(drawn, {figure.name: draw(figure) for figure in drawn}) | {
         "result": result,
         "runs": runs,
         "visible": [visible(result, one) for one in result.visible],
@@ -49,7 +48,7 @@ def files(result: Preview) -> dict[str, str]:
         f"{result.case}: the data",
         PageSection("preview/header.html.j2", context),
         [*_of_sensors(result), *(PageSection(f"preview/{name}.html.j2", context) for name in ("runs", "visible"))],
-        styles=("preview.css",),
+        script=charts(drawn),
     )
     return {"data.html": html}
 

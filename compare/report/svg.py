@@ -11,9 +11,12 @@ from dataclasses import dataclass, replace
 from xml.sax.saxutils import escape, quoteattr
 from zlib import crc32
 
+import numpy as np
+
 from compare.files import NOT_XML
 from compare.quantities import SUPERSCRIPT
 from compare.report.figure import Axis, Figure, Mark, Numbers, Series
+from compare.report.label_places import Area, Label, along, placed
 
 WIDTH, HEIGHT, TALLEST = 720.0, 420.0, 640.0
 LEFT, RIGHT, BOTTOM, LINE = 76.0, 18.0, 52.0, 20.0
@@ -295,24 +298,25 @@ def _line(xs: Numbers, ys: Numbers, x: Scale, y: Scale) -> str:
 
 
 def _labels(figure: Figure, x: Scale, y: Scale) -> list[str]:
-    """Names of joints, and what peaks are: within the area, each below those of higher places."""
+    """Names of joints, and what peaks are: within the area, where they cover least."""
+    points = {s: np.array([_point(a, b, x, y) for a, b in zip(s.x, s.y, strict=True)], complex) for s in figure.series}
+    named = [
+        Label(name, (6.2 if s.mark == "marker" else 8.6) * len(name), complex(at), s.mark == "marker")
+        for s, places in points.items()
+        for name, at in zip(s.labels, places, strict=False)
+        if np.isfinite(at)
+    ]
+    if not named:
+        return []
+    marks = [at for s, places in points.items() if s.mark in ("marker", "joint", "pivot") for at in places]
+    lines = [places for s, places in points.items() if s.mark in ("line", "dashed")]
+    curves = along(lines if any(label.peak for label in named) else ())
+    done = placed(named, Area(x.start, x.end, y.end, y.start), np.array(marks, complex), curves)
     halo = f' paint-order="stroke" stroke="{PAPER}" stroke-width="3"'
-    out, taken = list[str](), list[tuple[float, float, float]]()
-    named = (
-        (y(b), x(a), name, s.mark == "marker")
-        for s in figure.series
-        for name, a, b in zip(s.labels, s.x, s.y, strict=False)
-        if a is not None and b is not None
-    )
-    for py, px, name, peak in sorted(named):
-        room = (6.2 if peak else 8.6) * len(name) + 12
-        starts = px + room < x.end if peak else px - room < x.start
-        up = py - (8 if peak else 11)
-        up = py + 18 if up < y.end + 12 else up
-        start, end = (px + 8, px + room) if starts else (px - room, px - 8)
-        up = max([up, *(other + 14 for low, high, other in taken if low < end and start < high)])
-        taken.append((start, end, up))
-        style = (12, "400") if peak else (14, "600")
-        across = 8 if starts else -8 if peak else -12
-        out.append(label(name, px + across, up, "start" if starts else "end", *style, extra=halo))
-    return out
+    styles = {True: (12, "400"), False: (14, "600")}
+    return [label(each.text, each.left, each.base, "start", *styles[each.peak], extra=halo) for each in done]
+
+
+def _point(a: float | None, b: float | None, x: Scale, y: Scale) -> complex:
+    """A point as px, x + iy; NaN of none."""
+    return complex(math.nan, math.nan) if a is None or b is None else complex(x(a), y(b))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -36,6 +38,7 @@ TITLES = {
     "share": "largest difference over its tolerance",
 }
 WIDEST = 8  # numbers of a row on a terminal; the others are in the file
+NUMBERS = re.compile(r" \([^()]*\)|^no answer at [^:]*: ")  # of a reason
 LONGEST_WHY = 60  # characters of a reason in a table
 
 
@@ -155,16 +158,15 @@ def _unit(unit: str) -> str:
 
 
 def _brief(why: str) -> str:
-    return why if len(why) <= LONGEST_WHY else f"{why[: LONGEST_WHY - 4]} ..."
+    """What is missing, as a table has it: how much, where that is said first."""
+    short = why if len(why) <= LONGEST_WHY else why.partition(": ")[0]
+    return short if len(short) <= LONGEST_WHY else f"{why[: LONGEST_WHY - 4]} ..."
 
 
 def _reasons(result: Sweep) -> dict[str, int]:
-    """Each reason that is too long for the table, and at how many points it is."""
-    reasons: dict[str, int] = {}
-    for why in (point.failure or point.remark for point in result.points):
-        if len(why) > LONGEST_WHY:
-            reasons[why] = reasons.get(why, 0) + 1
-    return reasons
+    """Each reason that is too long for the table, without its numbers, and at how many points it is."""
+    texts = (point.failure or point.remark for point in result.points)
+    return dict(Counter(NUMBERS.sub("", why) for why in texts if len(why) > LONGEST_WHY))
 
 
 def summary_html(result: Sweep) -> str:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, rows_of
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, as_dataframe, rows_of
+from compare.results.looked_at import error_peaks
 from compare.results.toleranced import AccuracyByTolerance
+
+if TYPE_CHECKING:
+    import pandas
 
 MetresByJoint = Mapping[str, Annotated[float, Field(ge=0)]]
 Reasons = Mapping[Annotated[str, Field(pattern="^[0-9]+$")], str]
@@ -164,6 +168,16 @@ class Accuracy(Document):
     def errors(self) -> Mapping[str, Output]:
         """The outputs, as a page of errors calls them."""
         return self.outputs
+
+    @property
+    def peaks(self) -> pandas.DataFrame:
+        """A data frame of the largest error of each output that has one, SI: output, unit, largest (in equilibrium,
+        with its sign), its crank angle (rad), and the largest
+        sizes of worst_case, compliance and total.
+
+        Raises ImportError with the remedy where pandas is not installed.
+        """
+        return as_dataframe([*error_peaks(self.outputs, {"crank_angle": self.crank_angle})], "peaks")
 
     def rows(self) -> list[Row]:
         """A row for each output and crank angle: displacements in the row's ``unit``, ``error_<joint>`` what its joint

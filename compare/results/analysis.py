@@ -13,6 +13,7 @@ from pydantic import Field
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
+from compare.presentation import picture
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
 from compare.results.document import (
     Document,
@@ -27,6 +28,7 @@ from compare.results.document import (
     Text,
     as_dataframe,
     no_signal,
+    pictured,
     rows_of,
 )
 from compare.results.looked_at import peaks
@@ -36,6 +38,7 @@ from sim_models.engine import JointModel, Motion, SettingValue
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
 
 class _Side(Document):
@@ -82,6 +85,18 @@ class _Side(Document):
     def drawable(self) -> Collection[str]:
         """The signals that :meth:`plot` draws by name."""
         return self.kinds.keys()
+
+    def plot_polar(self, *joints: str) -> Figure:
+        """A matplotlib figure of the reactions of these joints, or of all, as vectors: the size (N) over the direction
+        of the force on the second body, in the ground's frame and in that body's own.
+
+        Raises KeyError for what is no joint, ImportError with the remedy where matplotlib is not installed.
+        """
+        those = [joint.name for joint in self.mechanism.joints]
+        for name in joints:
+            if name not in those:
+                raise KeyError(f"{name}: no such joint; they are {', '.join(those)}")
+        return pictured(lambda figure: picture("polar")(self, joints or those, figure), "plot_polar")
 
     @property
     def _between(self) -> dict[str, tuple[float, float]]:
@@ -187,7 +202,9 @@ class Analysis(_Side):
     ] = {}
     errors: Annotated[
         Mapping[str, OutputError],
-        Field(description="By output (<body>_x, _y, _angle) what clearance does to it; of a crank and loose joints."),
+        Field(
+            description="By output (<body>_x, _y, _angle) what clearance does to it; of loose joints in what is driven."
+        ),
     ] = {}
     tolerances: Annotated[
         SignalsByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")

@@ -13,7 +13,7 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, SiUnit, named, same_turn
 from analytic.paper.clearance import Model
 from compare.results.band import Metrics
-from compare.results.contact import Compared, Contact
+from compare.results.contact import UNITS, Compared, Contact
 from compare.results.document import (
     Document,
     Filled,
@@ -357,6 +357,21 @@ class CrossCheck(Document):
     def contact_frame(self, joint: str | None = None) -> pandas.DataFrame:
         """:meth:`Run.contact_frame` of the run with clearance.  Raises KeyError where there is none, or several."""
         return self._loose("contact_frame").contact_frame(joint)
+
+    def statistics_frame(self) -> pandas.DataFrame:
+        """A data frame of the statistics of contact of each joint of each run in which pins may strike: their value
+        over the revolutions with its 95 % interval, SI; :attr:`statistics` are held against each other.
+
+        Raises ImportError with the remedy where pandas is not installed.
+        """
+        rows: list[Row] = [
+            {"simulator": run.simulator.name, "joint_model": run.joint_model, "motion": run.motion, "joint": joint}
+            | {"statistic": name, "unit": UNITS[name], "value": each.value, "low": each.low, "high": each.high}
+            for run in self.runs
+            for joint, contact in (run.contact.joints if run.contact else {}).items()
+            for name, each in contact.statistics.items()
+        ]
+        return as_dataframe(rows, "statistics_frame")
 
     @property
     def peaks(self) -> pandas.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sized
 from functools import cached_property
 from itertools import product
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
@@ -14,8 +14,24 @@ from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
 from compare.results.band import Band, Context, Metrics
 from compare.results.crosscheck import Simulator
-from compare.results.document import Amount, Document, Filled, Grid, Mechanism, Number, Part, Row, Series, Text, rows_of
+from compare.results.document import (
+    Amount,
+    Document,
+    Filled,
+    Grid,
+    Mechanism,
+    Number,
+    Part,
+    Row,
+    Series,
+    Text,
+    as_dataframe,
+    rows_of,
+)
 from sim_models.engine import SettingValue
+
+if TYPE_CHECKING:
+    import pandas
 
 DiagnosisVerdict = Literal["no gap", "explained", "partly explained", "unexplained", "ambiguous"]
 CandidateStatus = Literal["named", "tied", "not needed", "not physical", "invisible", "excluded"]
@@ -481,6 +497,19 @@ class Diagnosis(Document):
                 columns[f"{name}_{side}"] = getattr(run.signals[name], side) if name in run.signals else absent
             rows += rows_of(columns, run=run.name)
         return rows
+
+    def statistics_frame(self) -> pandas.DataFrame:
+        """A data frame of how far simulation is from measurement in each sensor of each run, before and after, and the
+        sensor's noise (SI): rms over noise; of a rig that rattles in its statistics over revolutions, where 1 is how
+        far two recordings are.  Raises ImportError with the remedy where pandas is not installed.
+        """
+        fields = ("unit", "noise", "gap_before", "gap_after")
+        rows: list[Row] = [
+            {"run": run.name, "signal": name} | {field: getattr(channel, field) for field in fields}
+            for run in self.runs
+            for name, channel in run.signals.items()
+        ]
+        return as_dataframe(rows, "statistics_frame")
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Protocol
 
 import numpy as np
 
@@ -41,6 +42,46 @@ def peaks(
         elif first is not None:
             places = dict.fromkeys(places, first)
         yield {"signal": name, "unit": kind.unit, "largest": largest, **places}
+
+
+class Error(Protocol):
+    """What displaces an output (N,) m or rad: in equilibrium, and to either side at most."""
+
+    @property
+    def unit(self) -> str: ...
+    @property
+    def equilibrium(self) -> np.ndarray: ...
+    @property
+    def worst_case(self) -> np.ndarray: ...
+    @property
+    def compliance(self) -> np.ndarray: ...
+    @property
+    def total(self) -> np.ndarray: ...
+
+
+def error_peaks(outputs: Mapping[str, Error], where: Mapping[str, np.ndarray]) -> Iterator[Row]:
+    """A row for each output that has an error: the largest displacement in equilibrium, with its sign, ``where`` (N,)
+    it is, and how large the others become, SI; null where there is none.
+    """
+    scale: dict[str, float] = {}
+    for error in outputs.values():
+        scale[error.unit] = max(scale.get(error.unit, 0.0), float(np.nanmax(np.abs(error.total), initial=0.0)))
+    for name, error in outputs.items():
+        known = {
+            field: values
+            for field in ("equilibrium", "worst_case", "compliance", "total")
+            if np.isfinite(values := getattr(error, field)).any()
+        }
+        sizes = {field: float(np.nanmax(np.abs(values))) for field, values in known.items()}
+        if max(sizes.values(), default=0.0) > NOTHING * scale[error.unit]:
+            at = int(np.nanargmax(np.abs(known["equilibrium"]))) if "equilibrium" in known else None
+            yield {
+                "output": name,
+                "unit": error.unit,
+                "largest": None if at is None else float(error.equilibrium[at]),
+                **{over: None if at is None else float(x[at]) for over, x in where.items()},
+                **{field: sizes.get(field) for field in ("worst_case", "compliance", "total")},
+            }
 
 
 def _goes_round(angle: np.ndarray) -> bool:

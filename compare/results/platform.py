@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from analytic.mechanism.one_line import count
 from compare.results.accuracy import MetresByJoint, PointError, Reasons
-from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, rows_of
+from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, as_dataframe, rows_of
+from compare.results.looked_at import error_peaks
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class PoseError(Part):
@@ -119,11 +123,26 @@ class PlatformAccuracy(Document):
         """Which poses (N,) are reached."""
         return np.isfinite(next(iter(self.poses.values())).x)
 
+    @property
+    def peaks(self) -> pandas.DataFrame:
+        """A data frame of the largest error of each output that has one, SI: output, unit, largest (in equilibrium,
+        with its sign), where it is (time, s; positions of the drives, rad or m), and the largest
+        sizes of worst_case, compliance and total.
+
+        Raises ImportError with the remedy where pandas is not installed.
+        """
+        return as_dataframe([*error_peaks(self.outputs, self._where)], "peaks")
+
+    @property
+    def _where(self) -> dict[str, np.ndarray]:
+        """The time and the drives' positions of each pose."""
+        timed = {} if self.time is None else {"time": self.time}
+        return timed | {f"position_{name}": values for name, values in self.drive_position.items()}
+
     def rows(self) -> list[Row]:
         """A row for each output and reached pose."""
         rows: list[Row] = []
-        at = {} if self.time is None else {"time": self.time}
-        at |= {f"position_{name}": values for name, values in self.drive_position.items()}
+        at = self._where
         errors = ("value", "nominal", "equilibrium", "worst_case", "resolution", "compliance", "total")
         for name, output in self.outputs.items():
             columns = at | {each: getattr(output, each) for each in errors}

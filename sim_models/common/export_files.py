@@ -87,7 +87,8 @@ def varies(m: Mechanism, load: Load) -> dict[str, object]:
     """What a load varies over, its stretch or table, and whether it opposes the motion."""
     over = m.load_quantities[load.over] if load.over else None
     return {
-        "over": over and {"kind": over.kind, "body": over.body, "joint": over.slide.name if over.slide else ""},
+        "over": over
+        and {"kind": over.kind, "body": over.body, "less": over.less, "joint": over.slide.name if over.slide else ""},
         "stretch": None if load.start is None else [load.start, load.end],
         "table": load.table,
         "opposes": load.opposes,

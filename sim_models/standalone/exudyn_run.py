@@ -153,9 +153,12 @@ class System:
             slide = self.joints[over["joint"]]
             q = [x for body in slide["bodies"] if body != "ground" for x in self.state(body)]
             return self.travel(over["joint"], slide)(q)[0]
-        x, y, angle = self.state(over["body"])
+        if kind == "angle":
+            second, first = (self.state(b)[2] if b != "ground" else 0.0 for b in (over["body"], over["less"]))
+            return second - first
+        x, y, _ = self.state(over["body"])
         at = complex(x, y) + self.arm(over["body"], "com")
-        return angle if kind == "angle" else at.real if kind == "x" else at.imag
+        return at.real if kind == "x" else at.imag
 
     def state(self, body: str, kind: str = "Coordinates", when: Any = exu.ConfigurationType.Current) -> list[float]:
         """A body's x, y and angle, or their rates."""

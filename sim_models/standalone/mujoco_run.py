@@ -99,7 +99,7 @@ class Simulation:
         if kind == "travel":
             return self.position(over["joint"]) / self.length
         if kind == "angle":
-            return self.angle(over["body"])
+            return self.angle(over["body"]) - self.angle(over["less"])
         return float(self.data.site_xpos[self.model.site(f"marker of {over['body']}").id, "xy".index(kind)])
 
     def bent(self, t: int) -> tuple[float, float]:

@@ -213,7 +213,7 @@ class World:
         if kind == "travel":
             return self.travel(over["joint"])[0]
         if kind == "angle":
-            return self.places[over["body"]].angle
+            return self.places[over["body"]].angle - self.places[over["less"]].angle
         marker = self.point(over["body"], self.start["bodies"][over["body"]]["marker"])[0]
         return marker.real if kind == "x" else marker.imag
 

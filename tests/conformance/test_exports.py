@@ -92,6 +92,7 @@ GASSED = (
             Load(body="rod", force=(30.0, 0.0), opposes=True, over="crank_angle", start=0.0, end=3.0),
             Load(body="crank", torque=-2.0, opposes=True, over="rod_y", start=-1.0, end=1.0),
             Load(body="rod", torque=1.0, over="rod_angle", table=((-3.0, 0.5), (0.0, 1.0), (3.0, 2.0))),
+            Load(body="rod", torque=1.0, over="position_A", table=((-3.0, 0.5), (0.0, 1.0), (3.0, 2.0))),
         )
     )
 )

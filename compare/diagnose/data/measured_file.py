@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from analytic.mechanism import Load, Mechanism, MechanismError, Sensor
-from analytic.mechanism.columns import Layout, Meaning
+from analytic.mechanism.columns import Layout, Meaning, readable
 from analytic.mechanism.errors import describe
 from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.reading import ReadingError, read_toml
-from analytic.mechanism.signals import SiUnit
-from analytic.mechanism.units import UnitError
-from analytic.mechanism.written import runs_in_si, sensors_in_si
+from analytic.mechanism.units import SiUnit, UnitError
+from analytic.mechanism.written import number, runs_in_si, sensors_in_si
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.data.wanted import ContextTable
 from compare.diagnose.effects.vocabulary import VOCABULARY
+from compare.recorded.headings import canonical
 from compare.recorded.table import LARGEST_READING
 
 LINE = 500  # characters of a message
@@ -40,6 +41,7 @@ QUANTITIES = (
     "gain",
     "gravity",
 )
+PARAMETERS = [(effect, p) for effect, e in VOCABULARY.items() for p in e.parameters]
 
 
 def _as_tuple(value: Any) -> Any:
@@ -100,7 +102,9 @@ def read_file(path: Path) -> MeasuredFile:
         fields = read_toml(path)
     except ReadingError as error:
         raise MeasuredError(f"{path}: {error}; give a measured.toml") from None
-    return checked(path.name, fields, MeasuredFile, _varied(path, fields), path.parent)
+    name = fields.get("mechanism")
+    mechanism = cache(lambda: nominal(path, str(name)))
+    return checked(path.name, fields, MeasuredFile, mechanism if isinstance(name, str) else None, path.parent)
 
 
 def nominal(path: Path, name: str) -> Mechanism:
@@ -116,27 +120,30 @@ def nominal(path: Path, name: str) -> Mechanism:
         raise MeasuredError(f"{path.name}: mechanism = {name!r}: {error}") from None
 
 
-def _varied(path: Path, fields: Mapping[str, Any]) -> Mapping[str, SiUnit]:
-    """The units of what the loads of its runs may vary over, of a file as written; nothing where none does."""
-    name, runs = fields.get("mechanism"), fields.get("run")
-    loads = [run.get("load") for run in runs if isinstance(run, dict)] if isinstance(runs, list) else []
-    varies = any(isinstance(each, dict) and "over" in each for some in loads if isinstance(some, list) for each in some)
-    if not varies or not isinstance(name, str):
-        return {}
-    return {over: quantity.unit for over, quantity in nominal(path, name).load_quantities.items()}
-
-
 def checked(
-    source: str, fields: Mapping[str, object], model: type[S], units_over: Mapping[str, SiUnit], folder: Path | None
+    source: str,
+    fields: Mapping[str, object],
+    model: type[S],
+    mechanism: Callable[[], Mechanism] | None,
+    folder: Path | None,
 ) -> S:
-    """Fields as written, checked one by one; ``units_over`` has the unit of each quantity that a load may vary over,
-    and tables of loads are files in a ``folder``.  Raises MeasuredError.
+    """Fields as written, checked one by one; the ``mechanism`` is made where a unit is that of its signal, and tables
+    of loads are files in a ``folder``.  Raises MeasuredError.
     """
+
+    def unit_of(name: str) -> SiUnit | None:
+        if mechanism is None:
+            return None
+        read = readable(m := mechanism()).get(canonical(name, m)) or m.load_quantities.get(name)
+        return None if read is None else read.unit
+
     try:
         if "run" in fields:
-            fields = {**fields, "run": runs_in_si(fields["run"], units_over, folder)}
+            fields = {**fields, "run": runs_in_si(fields["run"], unit_of, folder)}
         if "sensor" in fields:
             fields = {**fields, "sensor": sensors_in_si(fields["sensor"])}
+        if "tolerance" in fields:
+            fields = {**fields, "tolerance": tolerance_in_si(fields["tolerance"])}
         return model.model_validate(fields)
     except (UnitError, ReadingError) as error:
         raise MeasuredError(f"{source}: {error}") from None
@@ -154,6 +161,26 @@ def _described(error: ValidationError, fields: Mapping[str, object], model: type
     return text if len(text) <= LINE else f"{text[: LINE // 2]} ... {text[-LINE // 2 :]}"
 
 
+def tolerance_in_si(given: object, within: str = "") -> object:
+    """``[tolerance]`` in SI; what has several units, such as a stiffness, is in the one that fits.  Raises UnitError,
+    which names the field.
+    """
+    if not isinstance(given, Mapping):
+        return given
+    out: dict[object, object] = dict(given)
+    for name, value in given.items():
+        key = f"{within}{name}"
+        if isinstance(value, str):
+            units = [p.unit for effect, p in PARAMETERS if key in (f"{effect}.{p.name}", p.name, p.quantity)]
+            try:
+                out[name] = number(value, *dict.fromkeys(unit for unit in units if unit)) if any(units) else value
+            except UnitError as error:
+                raise UnitError(f"tolerance.{key} = {value!r} has {error}") from None
+        elif not within:
+            out[name] = tolerance_in_si(value, f"{key}.")
+    return out
+
+
 def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) -> dict[str, float]:
     """Tolerances (SI) by quantity, parameter or effect.parameter; ``effect = { parameter = x }`` is
     ``"effect.parameter" = x``.
@@ -163,9 +190,8 @@ def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) ->
     flat: dict[str, float] = {}
     for key, value in given.items():
         flat |= {f"{key}.{k}": v for k, v in value.items()} if isinstance(value, Mapping) else {key: value}
-    parameters = [(effect, p) for effect, e in VOCABULARY.items() for p in e.parameters]
-    quantities = dict.fromkeys([*QUANTITIES, *(p.quantity for _, p in parameters)])
-    known = [*quantities, *(p.name for _, p in parameters), *(f"{effect}.{p.name}" for effect, p in parameters)]
+    quantities = dict.fromkeys([*QUANTITIES, *(p.quantity for _, p in PARAMETERS)])
+    known = [*quantities, *(p.name for _, p in PARAMETERS), *(f"{effect}.{p.name}" for effect, p in PARAMETERS)]
     for key in flat:
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
@@ -177,7 +203,7 @@ def tolerances(source: str, given: Mapping[str, float | Mapping[str, float]]) ->
             raise MeasuredError(
                 f"{source}: tolerance.{key} is neither a quantity nor a parameter of an effect; {remedy}"
             )
-        meant = [(effect, p) for effect, p in parameters if key in (f"{effect}.{p.name}", p.name, p.quantity)]
+        meant = [(effect, p) for effect, p in PARAMETERS if key in (f"{effect}.{p.name}", p.name, p.quantity)]
         if flat[key] and meant and not any(VOCABULARY[effect].blames(p.name) for effect, p in meant):
             raise MeasuredError(
                 f"{source}: tolerance.{key} = {flat[key]:g} bounds nothing; give 0 to rule {meant[0][0]} out, or leave"

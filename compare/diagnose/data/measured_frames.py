@@ -77,8 +77,7 @@ def measured(
         tables.append({"name": name, "file": frame_name(name)} | _plain(of_run | dict(fields) | driven))
     nominal = mechanism if isinstance(mechanism, Mechanism) else load(mechanism)
     sources = {table["file"]: table["name"] for table in tables}
-    over = {name: quantity.unit for name, quantity in nominal.load_quantities.items()}
-    file = checked(CALLED, _plain(said) | {"run": tables}, Said, over, None)
+    file = checked(CALLED, _plain(said) | {"run": tables}, Said, lambda: nominal, None)
     return recorded(CALLED, CALLED, file, nominal, lambda each: frame_source(sources[each], frames[sources[each]]))
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal, named
 from analytic.mechanism.units import UnitError
-from analytic.mechanism.written import quantity
+from analytic.mechanism.written import number
 from compare.diagnose.data.recording import MeasuredError, Wanted
 
 Text = Annotated[str, Field(max_length=1000, pattern=r"^\P{Cc}*$")]
@@ -62,9 +62,6 @@ def _signal(where: str, name: str, known: Mapping[str, Signal]) -> Signal:
 def in_si(where: str, given: float | str, unit: str) -> float:
     """A number, or one that is written with its unit, in an SI unit.  Raises MeasuredError."""
     try:
-        value = quantity(given, unit) if isinstance(given, str) else given
-        return float(given if value is None else value)
+        return number(given, unit)
     except UnitError as error:
         raise MeasuredError(f"{where} = {given!r} has {error}") from None
-    except ValueError:
-        raise MeasuredError(f"{where} = {given!r} is no number; give {unit}, or a number with its unit") from None

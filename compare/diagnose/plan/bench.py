@@ -17,8 +17,9 @@ from analytic.mechanism.columns import readable
 from analytic.mechanism.errors import MechanismError, describe, quoted
 from analytic.mechanism.file import load, shipped_cases
 from analytic.mechanism.reading import ReadingError, read_toml
-from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor
-from compare.diagnose.data.measured_file import tolerances
+from analytic.mechanism.units import UnitError
+from analytic.mechanism.written import number
+from compare.diagnose.data.measured_file import tolerance_in_si, tolerances
 from compare.diagnose.data.recording import Measured, MeasuredError
 from compare.faults import ArgumentError, OptionError
 from compare.quantities import amount
@@ -144,7 +145,9 @@ def read_bench(
     if "rig" not in fields:
         return _checked(source, load(given), RigTable(), {}, sensors, budget, default_budget)
     try:
-        file = PlanFile.model_validate(fields)
+        file = PlanFile.model_validate({**fields, "tolerance": tolerance_in_si(fields.get("tolerance", {}))})
+    except UnitError as error:
+        raise MeasuredError(f"{source}: {error}") from None
     except ValidationError as error:
         raise MeasuredError(f"{source}: {'; '.join(describe(error, fields, PlanFile))}") from None
     beside = Path(given).parent / file.mechanism
@@ -206,7 +209,7 @@ def _checked(
 def _speeds(where: str, mechanism: Mechanism, rig: RigTable, assumed: list[str]) -> tuple[float, ...]:
     """Speeds (rad/s) of the crank, each once; noted where they are ``assumed``.  Raises OptionError."""
     if rig.speeds is not None:
-        given = (_si(f"{where}rig.speeds", speed, "angular velocity") for speed in rig.speeds)
+        given = (_si(f"{where}rig.speeds", speed, "rad/s") for speed in rig.speeds)
         return tuple(sorted(dict.fromkeys(given)))
     if not mechanism.speed:
         raise OptionError(
@@ -252,21 +255,17 @@ def _sensors(where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str
                 f"did you mean {close[0]!r}" if close else f"its signals are {', '.join(list(known)[:LISTED])}, ..."
             )
             raise ArgumentError("sensors", f"{where}{name!r} is no signal of {mechanism.name}; {remedy}")
-        noise = _si(f"{where}sensors {name}", entry.noise, dimension(known[name]))
+        noise = _si(f"{where}sensors {name}", entry.noise, known[name].unit)
         found.append(Sensor(name, noise, entry.price))
     return tuple(found)
 
 
-def _si(where: str, given: Quantity, kind: QuantityKind) -> float:
+def _si(where: str, given: Quantity, unit: str) -> float:
     """A quantity above 0, in SI: a number, or a text with its unit (``60 rpm``).  Raises ArgumentError."""
-    number, unit = given, ""
-    if isinstance(given, str):
-        number, _, unit = given.strip().partition(" ")
     try:
-        value = float(number) * (factor(unit.strip(), kind) if unit else 1.0)
-    except (ValueError, UnitError) as error:
-        why = error if isinstance(error, UnitError) else "give a number (SI), or a text with a unit, such as '60 rpm'"
-        raise OptionError(f"{where} = {quoted(given)}: {why}") from None
+        value = number(given, unit)
+    except UnitError as error:
+        raise OptionError(f"{where} = {quoted(given)} has {error}") from None
     if not 0 < value < math.inf:
         raise OptionError(f"{where} = {quoted(given)}: give a number above 0")
     return value

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
+from analytic.mechanism.one_line import count
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.noise import CLOSED, rms, sample_weights
 from compare.diagnose.posterior.compress import Compressed, Group, Name
@@ -155,9 +156,10 @@ class Inference:
         sought: Sequence[Term],
         late: Callable[[], bool] = lambda: False,
         before: Posterior | None = None,
+        tell: Callable[[str], None] = lambda said: None,
     ) -> None:
         self.plain, self.fitter, self.base, self.sought = fitter, fitter, base, sought
-        self.late = late
+        self.late, self.tell = late, tell
         self.prior = Prior.of(fitter.rig, fitter.bounds, sought, fitter.data.measured.prior)
         # signatures over each sample's noise alone, which stay true in other colours
         self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
@@ -427,6 +429,7 @@ class Inference:
 
     def _weigh(self, compressed: Compressed, sets: Sets, chosen: Set, about: Fit) -> None:
         """Fit a set in full, from where the linear problem has it, and keep it with its probability by Laplace."""
+        self.tell(f"{count(len(self.weighed), 'set')} of effects fitted, now {count(len(chosen), 'effect')} together")
         groups = [compressed.groups[i] for i in chosen]
         coefficients, widths = sets.coefficients(chosen), sets.widths[chosen]
         now = dict(zip(about.terms, about.x, strict=True))

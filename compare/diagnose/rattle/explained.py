@@ -146,6 +146,7 @@ class Bench:
         """Readings (N,) by signal of each run, NaN beyond its ``first`` revolutions and nothing of runs that are not
         judged; None where the engine has no answer.
         """
+        self.problem.tell(f"clearance of {1e3 * size:.3g} mm in {term.where} simulated in {self.problem.simulator}")
         return self.simulated(_with(term, size), first)
 
     def simulated(self, hypothesis: Hypothesis, first: int | None) -> Readings | None:
@@ -168,6 +169,7 @@ class Bench:
         """Laws of contact in a joint, with a clearance that is tried there, or the mechanism's own."""
 
         def simulate(tried: Law, size: float) -> Readings | None:
+            self.problem.tell(f"a law of contact in {law.where} simulated in {self.problem.simulator}")
             own = [] if clearance is None else _with(clearance, size)
             return self.simulated([*own, (law, tried._asdict())], None)
 
