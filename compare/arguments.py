@@ -316,7 +316,8 @@ def one_engine(given: object) -> str:
 
 def _engine_names(given: object) -> tuple[str, ...]:
     """The names of engines, each once; ``all`` stands alone.  Raises ArgumentError."""
-    parts = [part for text in names(given, "simulator") for part in _parted(text)]
+    texts = (given,) if isinstance(given, str) else names(given, "simulator")
+    parts = [part for text in texts for part in _parted(text)]
     called = tuple(dict.fromkeys(_as_called(part) for part in parts))
     if not all(called) or not called or ("all" in called and len(called) > 1):
         raise unusable("simulator", given, f"one or several of {', '.join(engine_names())}, or all by itself")

@@ -166,7 +166,7 @@ def values_of(field: Dotted, given: object) -> SweptField:
     """The values of a field as they are given.  Raises ArgumentError."""
     if isinstance(given, str):
         parts: list[object] = list(_ranged(field, given) if ":" in given else given.split(","))
-    elif isinstance(given, Iterable):
+    elif isinstance(given, Iterable) and not isinstance(given, Mapping):
         parts = [each.item() if isinstance(each, np.generic) else each for each in given]
     else:
         parts = [given]

@@ -192,7 +192,7 @@ WRONG = [
     ("accuracy", {"outputs": 5}, "a list of names"),
     ("accuracy", {"clearance_tolerance": "1e-4"}, "metres by joint"),
     ("accuracy", {"limits": "follower_angle"}, "give OUTPUT=VALUE"),
-    ("accuracy", {"limits": 5}, "give limits by output"),
+    ("accuracy", {"limits": 5}, "give them by name"),
     ("validity", {"clearances": [1.0]}, "not smaller"),
     ("validity", {"clearances": "narrow"}, "'narrow'"),
     ("validity", {"speeds": [0.0]}, "rad/s above 0"),
