@@ -54,10 +54,10 @@ class Fit:
         begin = sum(x.size for x in self.x[:i])
         return slice(begin, begin + self.x[i].size)
 
-    def impossible(self, rig: Rig) -> bool:
-        """Whether one of its effects lies where no machine is."""
+    def impossible(self, rig: Rig) -> list[Term]:
+        """Its effects that lie where no machine is."""
         each = zip(self.terms, self.x, strict=True)
-        return any(t.effect.impossible(rig, t.where, x, t.variant) for t, x in each)
+        return [t for t, x in each if t.effect.impossible(rig, t.where, x, t.variant)]
 
     def values(self, rig: Rig) -> list[tuple[Term, dict[str, float]]]:
         """The hypothesis."""

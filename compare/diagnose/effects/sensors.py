@@ -178,7 +178,7 @@ class SensorDrift(OnSensor, OfSignal):
     parameters = (Parameter("drift", "of the signal per s", "drift", more="upwards", less="downwards"),)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        return [s for s in rig.signals if s not in rig.encoders]
+        return _judged(rig)
 
     def unit(self, rig: Rig, where: str, parameter: str) -> str:
         return f"{rig.known[where].unit}/s"

@@ -386,8 +386,8 @@ class Inference:
 
     def _candidates(self, sets: Sets, compressed: Compressed, names: Names) -> list[Set]:
         """The best sets, which are to be fitted in full, beside the empty one and, of the best, those with a richer
-        form of an effect, of which a linear problem about another says little; of a free motion, of which it says
-        little altogether, the one that it is about too.
+        or a simpler form of an effect, of which a linear problem about another says little; of a free motion, of which
+        it says little altogether, the one that it is about too.
         """
         sets.score(())
         best = sets.best(FITTED)
@@ -399,8 +399,9 @@ class Inference:
         ]
         chosen += [] if sets.named(best[0]) else sets.best(FITTED, named=True)
         for i in best[0]:
-            richer = [k for k, g in enumerate(compressed.groups) if self._enriches(g, compressed.groups[i])]
-            chosen += [with_group(without(best[0], i), k) for k in richer]
+            own = compressed.groups[i]
+            forms = [k for k, g in enumerate(compressed.groups) if self._enriches(g, own) or self._enriches(own, g)]
+            chosen += [with_group(without(best[0], i), k) for k in forms]
         return list(dict.fromkeys(chosen))
 
     def _doubt(self, compressed: Compressed, sets: Sets, fit: Fit, most: int = 1) -> None:
@@ -457,8 +458,13 @@ class Inference:
         log = sum(g.log_odds for g in groups) + sum(WIDTH_ODDS[widths[i]] for i in chosen)
         log += 0.0 if chosen else Prior.nothing(np.array([g.log_odds for g in compressed.groups]))
         log += self._evidence(fit, sizes) - (fitter.data.log_volume - self.fitter.data.log_volume) / 2
-        log = -math.inf if fit.impossible(self.plain.rig) else log
-        self.weighed[names] = Weighed(names, fit, unknown, sizes, log)
+        impossible = fit.impossible(self.plain.rig)
+        self.weighed[names] = Weighed(names, fit, unknown, sizes, -math.inf if impossible else log)
+        if impossible:  # the others may explain nearly as much
+            others = tuple(i for i, group in zip(chosen, groups, strict=True) if group.term not in impossible)
+            if self._named(compressed, others) not in self.weighed:
+                sets.score(others)
+                self._weigh(compressed, sets, others, about)
 
     def _fitter(self, compressed: Compressed, unknown: np.ndarray) -> Fitter:
         """Fits beside what an unknown may do (size, k)."""
