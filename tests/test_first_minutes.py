@@ -82,7 +82,10 @@ def test_a_word_that_is_none_of_an_option_s_is_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize("words", [["ci"], ["--simulator", "mujoco", "--junit", "x.xml"], ["diagnose", "--junit", "x"]])
-def test_who_looks_for_ci_is_told_where_it_is(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_looks_for_ci_is_told_where_it_is(
+    words: list[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
     status, _, said = run(words, monkeypatch)
     page = Path(__file__).parents[1] / re.search(r"docs/\S+\.md", said)[0]  # type: ignore[index]
     assert status == 2
