@@ -80,7 +80,9 @@ def _facts(result: Analysis) -> dict[str, str]:
         at = int(np.nanargmin(angle))
         below = f"; below 40 deg at {poor(result)}" if poor(result) else ""
         facts["Least transmission angle"] = f"{number(float(angle[at]), 3)} deg at {x.at(at)}{below}"
-    return facts | {f"Limit of {name}": f"{limit.verdict}: {said}" for name, limit, said in limits(result)}
+    for name, limit, said in limits(result):
+        facts[f"Limit of {name}"] = f"{limit.verdict}: {said.removeprefix(f'{name} is ')}"
+    return facts
 
 
 def _mover(result: Analysis, still: Markup) -> Mover:

@@ -19,12 +19,14 @@ def limits(result: Analysis) -> list[tuple[str, Limit, str]]:
 def _said(result: Analysis, limit: Limit) -> str:
     unit, factor = shown(limit.unit)
     unit = unit.replace("·", ".")
-    bound = f"its limit of {plain(factor * limit.bound, DIGITS)} {unit}"
+    of_size = limit.largest is not None and limit.least == -limit.largest
+    end = abs(limit.bound) if of_size else limit.bound
+    bound = f"its limit of {plain(factor * end, DIGITS)} {unit}"
     at = "" if limit.at is None else f" at {plain(place(result, limit.at), 4)} {over(result).unit}"
     value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)} {unit}{at}, "
     if limit.verdict == "unknown":
         missing = f"{limit.missing} of {count(len(over(result).values), 'sample')}"
-        return f"{value}and has no answer at {missing}: {bound} is not known to hold"
+        return f"{value}{'and ' if value else ''}has no answer at {missing}: {bound} is not known to hold"
     if limit.verdict == "holds":
         return f"{value}within {bound}"
-    return f"{value}{'more' if (limit.value or 0.0) > limit.bound else 'less'} than {bound}"
+    return f"{value}{'more' if of_size or (limit.value or 0.0) > limit.bound else 'less'} than {bound}"
