@@ -14,7 +14,7 @@ import numpy as np
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import UnitError
-from analytic.mechanism.written import one_unit, quantity
+from analytic.mechanism.written import number, one_unit, quantity
 from compare.faults import ArgumentError
 from compare.quantities import drive_signals
 from compare.results.analysis import Analysis, Limit
@@ -80,18 +80,17 @@ def _range(name: str, given: str, unit: str) -> Bounds:
 
 def _amount(name: str, size: object, unit: str) -> float:
     """A number (SI).  Raises ArgumentError."""
-    try:
-        value = quantity(size, unit) if isinstance(size, str) else size
-        bare = value is None
-        value = float(size) if bare else value  # type: ignore[arg-type]  # a text without a unit
-    except (UnitError, ValueError) as error:
-        why = str(error) if isinstance(error, UnitError) else f"no number; give {unit}, or a number with its unit"
-        raise ArgumentError("limits", f"{name} = {quoted(size)} has {why}") from None
-    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(float(value)):
+    if isinstance(size, bool) or not isinstance(size, Real | str):
         raise ArgumentError("limits", f"{name} = {quoted(size)}; give {unit}")
-    if bare and unit == "rad":
+    try:
+        value = number(size if isinstance(size, str) else float(size), unit)
+    except UnitError as error:
+        raise ArgumentError("limits", f"{name} = {quoted(size)} has {error}") from None
+    if not math.isfinite(value):
+        raise ArgumentError("limits", f"{name} = {quoted(size)}; give {unit}")
+    if unit == "rad" and isinstance(size, str) and quantity(size, unit) is None:
         raise ArgumentError("limits", f"{name} = {size} has no unit; write {size}deg, or {size}rad if meant")
-    return float(value)
+    return value
 
 
 # ---------------------------------------------------------------- of an analysis

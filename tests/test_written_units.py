@@ -265,7 +265,8 @@ def test_a_linkage_that_is_changed_in_python_takes_the_same_texts() -> None:
     assert (slide.start, slide.stiffness, pin.end) == (pytest.approx(0.04), 2000.0, pytest.approx(math.radians(170)))
     free = m.replace(drives=({"joint": "D", "speed": "free"},), initial={"velocity_D": "60 rpm"})
     assert free.initial["velocity_D"] == pytest.approx(2 * math.pi)
-    tool = Load(body="crank", torque="2 N.m", over="crank_angle", start="200 deg", end="340 deg")  # type: ignore[arg-type]
+    stretch: dict[str, Any] = {"torque": "2 N.m", "start": "200 deg", "end": "340 deg"}
+    tool = Load(body="crank", over="crank_angle", **stretch)
     assert m.replace(loads=(tool,)).loads == (m.loads[1],)
     with pytest.raises(MechanismError, match=r"stop\[S\].from = '40 deg' has unit 'deg'.*give it in m, mm"):
         m.replace(stops=({"joint": "S", "from": "40 deg", "stiffness": 1.0},))

@@ -18,6 +18,7 @@ from analytic.mechanism.signals import continued, wrapped
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
+from compare.results.looked_at import ByClearance
 
 NOTHING = 1e-9  # of what belongs to it (a reaction, a length): smaller is rounding
 LEAST_PART = 5e-3  # of the worst case: what a joint does that is less is not listed
@@ -32,15 +33,9 @@ class Of(Sampled, Protocol):
     def mechanism(self) -> Mechanism: ...
 
 
-class Error(Protocol):
-    """What clearance does to an output (N,) m or rad: in equilibrium, in the worst case, to first order by joint."""
+class ErrorByJoint(ByClearance, Protocol):
+    """What clearance does to an output, to first order by joint as well."""
 
-    @property
-    def unit(self) -> str: ...
-    @property
-    def equilibrium(self) -> np.ndarray: ...
-    @property
-    def worst_case(self) -> np.ndarray: ...
     @property
     def by_joint(self) -> Mapping[str, np.ndarray]: ...
 
@@ -49,7 +44,7 @@ class Erring(Of, Protocol):
     """What has the error of each output, and the sine (N,) of the transmission angle where there is one."""
 
     @property
-    def errors(self) -> Mapping[str, Error]: ...
+    def errors(self) -> Mapping[str, ErrorByJoint]: ...
     @property
     def transmission(self) -> np.ndarray | None: ...
 
@@ -243,7 +238,7 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
             )
 
 
-def parts_of(error: Error) -> dict[str, np.ndarray]:
+def parts_of(error: ErrorByJoint) -> dict[str, np.ndarray]:
     """What each joint does to an output, those that do anything."""
     least = NOTHING * np.nanmax(error.worst_case, initial=0.0)
     return {joint: part for joint, part in error.by_joint.items() if np.nanmax(np.abs(part), initial=0.0) > least}

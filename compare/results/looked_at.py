@@ -44,8 +44,8 @@ def peaks(
         yield {"signal": name, "unit": kind.unit, "largest": largest, **places}
 
 
-class Error(Protocol):
-    """What displaces an output (N,) m or rad: in equilibrium, and to either side at most."""
+class ByClearance(Protocol):
+    """What clearance does to an output (N,) m or rad: in equilibrium, and to either side at most."""
 
     @property
     def unit(self) -> str: ...
@@ -53,6 +53,11 @@ class Error(Protocol):
     def equilibrium(self) -> np.ndarray: ...
     @property
     def worst_case(self) -> np.ndarray: ...
+
+
+class Error(ByClearance, Protocol):
+    """What displaces an output besides, and all together."""
+
     @property
     def compliance(self) -> np.ndarray: ...
     @property
