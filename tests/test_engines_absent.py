@@ -40,5 +40,5 @@ def test_an_engine_that_cannot_be_imported_is_one_line_of_the_summary_and_no_err
     assert why in line
     counts = {word: int(count) for count, word in re.findall(r"(\d+) (\w+)", done.stdout.splitlines()[-1])}
     assert counts["passed"] >= 11  # at least MuJoCo's rows
-    assert counts["skipped"] >= 11 + 60
+    assert counts["skipped"] >= 11 + 50  # and most of what is said of beams
     assert not {"failed", "error", "errors"} & set(counts)

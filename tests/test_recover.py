@@ -23,6 +23,7 @@ RECOVERED = {  # effect -> where, values
     "payload": ("coupler", {"mass": 0.03, "along": 0.02, "normal": 0.015}),
     "com_offset": ("follower", {"along": 0.006, "normal": 0.003}),
     "moment_of_inertia": ("follower", {"inertia_error": 2e-4}),
+    "body_mass": ("follower", {"mass_error": 0.03}),
     "link_length": ("follower", {"length_error": 2e-4}),
     "pivot_position": ("E", {"x": 2e-4, "y": -1.5e-4}),
     "joint_clearance": ("B", {"radial_clearance": 2e-4}),

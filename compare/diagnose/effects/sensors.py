@@ -53,7 +53,8 @@ class EncoderOffset(OfSignal):
         return 1e-5
 
     def values(self, rig: Rig, where: str, x: np.ndarray, variant: float = 0.0) -> dict[str, float]:
-        within = wrapped(x) if rig.known[where].wraps else x  # a turn more is the same zero
+        turns = rig.known[where].wraps and np.isfinite(x).all()
+        within = wrapped(x) if turns else x  # a turn more is the same zero
         return super().values(rig, where, within, variant)
 
     def on_readings(self, readings: Readings, run: str, where: str, values: Values) -> Readings:
