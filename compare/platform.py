@@ -56,7 +56,7 @@ def platform_accuracy(question: PlatformQuestion) -> PlatformAccuracy:
     its ``angle`` where there are three drives.  Without a workspace the drives move over ``times`` (s), along a
     ``course`` or such that a platform follows a ``path``, as in :func:`compare.crosscheck.crosscheck`.
 
-    Raises MechanismError, ArgumentError, GridError, DataError or AssemblyError.
+    Raises MechanismError, ArgumentError, DataError or AssemblyError.
     """
     times, course, path = question.times, question.course, question.path
     workspace, angle = question.workspace, question.angle

@@ -22,11 +22,11 @@ from analytic.kinematics.reach import usual_angles
 from analytic.kinematics.schedule import FEWEST_KNOTS, Knots, Schedule
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import Signal, position, turned_near
-from compare.arguments import CAPACITY, numbers, warn_of_degrees
+from compare.arguments import CAPACITY, warn_of_degrees
 from compare.faults import ArgumentError
 from compare.questions.analyse import AnalyseQuestion, RunQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
-from compare.questions.option import FARTHEST_ANGLE, GridError
+from compare.questions.option import Angles, Times
 from compare.questions.shared import AnyPath
 from compare.recorded.errors import DataError
 from sim_models.engine import Motion
@@ -38,6 +38,7 @@ MovedQuestion = CrosscheckQuestion | AnalyseQuestion | RunQuestion
 USUAL_TIME = 1.0  # s, as far as the drives get
 DEFAULT_TIMES = 50
 SHORTEST_COURSE = 1e-3  # s
+FARTHEST_ANGLE = 1e6  # deg: the crank is followed there from where it is assembled
 SPARE = 0.9  # of the way to where the drives get no farther
 LINE_KNOTS = 5  # knots of a straight line
 FREE_TIME = np.linspace(0.0, 2.0, 101)  # s, for a released linkage
@@ -50,7 +51,7 @@ def scheduled(assembly: Assembly, question: MovedQuestion) -> Schedule:
     let go over time, if it may swing.  All others, and one of which ``times``, a ``course`` or a platform's ``path``
     are given, are looked at over time, their drives at their speeds or as the file has them.
     What runs free has the velocities of the file's ``initial`` at time 0.
-    Raises ArgumentError, GridError, DataError, ScheduleError, or AssemblyError by default.
+    Raises ArgumentError, DataError, ScheduleError, or AssemblyError by default.
     """
     return set_off(assembly, _driven(assembly, question))
 
@@ -85,14 +86,15 @@ def crank_angles(assembly: Assembly, given: object) -> np.ndarray:
         theta = usual_angles(assembly)
         assembly.path(theta.min(), theta.max())
         return theta
-    theta = numbers(given, "angles", "rad")
+    theta = Angles().read(given, "angles")
     if theta.size > CAPACITY:
         raise ArgumentError("angles", f"{theta.size} angles cannot be used; give at most {CAPACITY}")
     farthest = float(theta[np.argmax(np.abs(theta))])
     if abs(farthest) > math.radians(FARTHEST_ANGLE):
         limit = f"{math.radians(FARTHEST_ANGLE):.6g} rad ({FARTHEST_ANGLE:g} deg)"
         raise ArgumentError("angles", f"{farthest:g} rad cannot be used; a crank angle must not be beyond {limit}")
-    warn_of_degrees("angles", farthest)
+    if not isinstance(given, str):  # a text says its unit, or is in degrees
+        warn_of_degrees("angles", farthest)
     try:
         assembly.path(float(theta.min()), float(theta.max()))
     except AssemblyError as error:
@@ -120,12 +122,12 @@ def over_time(
     course: AnyPath | None = None,
     path: AnyPath | None = None,
 ) -> Schedule:
-    """A schedule over time.  Raises ArgumentError, GridError or DataError."""
+    """A schedule over time.  Raises ArgumentError or DataError."""
     if course is not None and path is not None:
         raise ArgumentError("path", f"{quoted(str(path))} is given beside a course; give one of them")
     asked = None
     if times is not None:
-        asked = numbers(times, "times", "s")
+        asked = Times().read(times, "times")
         if asked.size > CAPACITY or np.any(asked < 0) or np.any(np.diff(asked) <= 0):
             raise ArgumentError("times", f"give at most {CAPACITY} times (s) from 0 on, each later than the one before")
     if path is not None:
@@ -142,15 +144,13 @@ def over_time(
 
 def at_their_speeds(assembly: Assembly, time: np.ndarray | None, at_rest: bool = False) -> Schedule:
     """The drives at their constant speeds from the assembly on, looked at at times (N,) s, by default as far as they
-    get.  Raises GridError where a drive has no speed.
+    get.  Raises ArgumentError where a drive has no speed.
     """
     m = assembly.mechanism
     for drive in m.drives:
         if drive.speed == "measured":
-            raise GridError(
-                f"{m.name}: the drive of joint {drive.joint!r} follows measured data; give a file of its course"
-                " (`course`), or the drive a speed"
-            )
+            why = f"the drive of joint {drive.joint!r} follows measured data; give a file of its course, or it a speed"
+            raise ArgumentError("course", why)
     speeds = m.drive_speeds
     end = float(time[-1]) if time is not None else _as_far(assembly, speeds)
     knots = np.linspace(0.0, max(end, SHORTEST_COURSE), LINE_KNOTS)
@@ -263,8 +263,8 @@ def _axis(signal: Signal) -> Literal["x", "y", "angle"]:
 
 
 def times_within(courses: Mapping[str, Knots], rows: np.ndarray, time: np.ndarray | None) -> np.ndarray:
-    """Times (N,) s at which one looks at courses, by default those (R,) of a file's rows, or fewer.  Raises GridError
-    for one outside of them.
+    """Times (N,) s at which one looks at courses, by default those (R,) of a file's rows, or fewer.  Raises
+    ArgumentError for one outside of them.
     """
     begin = max((float(t[0]) for t, _ in courses.values()), default=0.0)
     end = min((float(t[-1]) for t, _ in courses.values()), default=np.inf)

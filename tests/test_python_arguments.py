@@ -36,7 +36,7 @@ from compare.domain_map.validity import plan_of
 from compare.faults import ArgumentError
 from compare.judge.tolerances import ToleranceError
 from compare.questions.diagnose import DiagnoseQuestion
-from compare.questions.option import GridError, Speeds
+from compare.questions.option import Speeds
 from compare.questions.validity import ValidityQuestion
 from compare.results.document import DocumentError
 from compare.sweep import ClusterError
@@ -62,7 +62,7 @@ def one_sentence(error: BaseException, *words: str) -> None:
     "kind",
     [
         AssemblyError, StructureError, ComplianceError, MechanismError, MeasuredError, BaselineError, ArgumentError,
-        OutputError, GridError, ToleranceError, DocumentError, ClusterError, Unsupported,
+        OutputError, ToleranceError, DocumentError, ClusterError, Unsupported,
     ],
 )  # fmt: skip
 def test_every_fault_of_what_was_given_is_an_error_and_a_value_error(kind: type[Exception]) -> None:
@@ -152,7 +152,9 @@ CALLS: dict[str, Callable[..., object]] = {
 }
 WRONG = [
     ("analyse", {"angles": ["a"]}, "['a']"),
-    ("analyse", {"angles": "20:160:5"}, "'20:160:5'"),
+    ("analyse", {"angles": "20:160"}, "20:160: give start:stop:step in degrees"),
+    ("crosscheck", {"angles": "0:1:a"}, "0:1:a: give start:stop:step in degrees"),
+    ("analyse", {"angles": "20, 160"}, "'20, 160'"),
     ("analyse", {"angles": [[0.5, 0.6]]}, "flat"),
     ("analyse", {"angles": [[0.5], [0.6, 0.7]]}, "flat"),
     ("analyse", {"angles": [True]}, "[True]"),
@@ -442,6 +444,31 @@ def test_python_tells_its_progress_on_a_terminal_and_only_there(
 
 
 # ---------------------------------------------------------------- the same words, and what they were before
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [("0:1080:360", [0, 360, 720, 1080]), ("30:60:15", [30, 45, 60]), ("0:1 rad:0.5 rad", np.degrees([0, 0.5, 1]))],
+)
+def test_a_range_of_angles_is_a_text_as_a_command_has_it_and_nobody_is_asked_for_radians(
+    text: str, degrees: list[float], recwarn: pytest.WarningsRecorder
+) -> None:
+    found = {
+        "analyse": lc.analyse("crank-rocker", angles=text).crank_angle,
+        "simulate": lc.simulate("crank-rocker", angles=text, motion="static").crank_angle,
+        "accuracy": lc.accuracy("crank-rocker", clearance={"B": 1e-4}, angles=text).crank_angle,
+        "crosscheck": lc.crosscheck("crank-rocker", angles=text, motion="static").runs[0].crank_angle,
+    }
+    for asked, angles in found.items():
+        np.testing.assert_allclose(angles, np.radians(degrees), rtol=1e-12, atol=1e-12, err_msg=asked)
+    assert not [each for each in recwarn if "radians" in str(each.message)]
+
+
+def test_a_range_of_times_is_a_text_as_a_command_has_it() -> None:
+    found = lc.analyse("five-bar", times="0:100:50 ms")
+    np.testing.assert_allclose(found.time, [0.0, 0.05, 0.1], rtol=1e-12)
+    with pytest.raises(ArgumentError, match="times: 0:1:0: give a start of 0 or more"):
+        lc.crosscheck("five-bar", times="0:1:0")
 
 
 def test_speeds_clearances_and_angles_may_be_texts_with_their_unit() -> None:

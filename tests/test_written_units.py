@@ -46,7 +46,6 @@ from compare.questions.option import (
     ArgumentKind,
     ByJoint,
     Clearances,
-    GridError,
     Part,
     Places,
     Seconds,
@@ -438,12 +437,12 @@ def test_ranges_and_lists_of_a_command_are_typed_with_units_too(kind: ArgumentKi
 
 @pytest.mark.parametrize(("kind", "word"), [(Angles(), "0 mm:5 mm:1 mm"), (Times(), "0 deg:5 deg:1 deg")])
 def test_a_range_of_another_dimension_is_refused_with_what_is_wrong(kind: ArgumentKind[str], word: str) -> None:
-    with pytest.raises(GridError, match=r"give start:stop:step in .*; it has unit .* give it in"):
+    with pytest.raises(ArgumentError, match=r"give start:stop:step in .*; it has unit .* give it in"):
         kind.parse(word, "it")
 
 
 def test_what_begins_or_goes_on_without_its_unit_is_not_guessed() -> None:
-    with pytest.raises(GridError, match="several units, deg and rad, and a number without one; give each its own"):
+    with pytest.raises(ArgumentError, match="several units, deg and rad, and a number without one; give each its own"):
         Angles().parse("0:1.5 rad:10 deg", "it")
     with pytest.raises(ArgumentError, match="give more than 0% and no more than 100%"):
         Part().parse("99% or so", "it")

@@ -18,7 +18,6 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Generic, TypeVar, cast
 
-from analytic.errors import Error
 from compare.faults import EVERY_PIN, ArgumentError, unusable
 
 if TYPE_CHECKING:
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
     from compare.judge.tolerances import Tolerances
 
-FARTHEST_ANGLE = 1e6  # deg: the crank is followed there from where it is assembled
-MOST_TIMES = 100_000  # of a command line's grid
 
 W = TypeVar("W")  # what typer makes of what is typed
 
@@ -477,62 +474,91 @@ class Speeds(PositiveNumbers):
         return typed * math.pi / 30
 
 
-class GridError(Error, ValueError):
-    """``--angles``, ``--times`` or ``--workspace`` cannot be used; the message says what is accepted."""
+class Evenly(ArgumentKind[str]):
+    """Numbers evenly apart, typed as a range; that they can be used is for the function to prove."""
 
+    unit: ClassVar[str]
+    example: ClassVar[str]
+    most: ClassVar[int]
+    wrong: ClassVar[str]  # what is said of a range that cannot be
 
-class Angles(ArgumentKind[str]):
-    """Crank angles, typed as a range of degrees; that they can be reached is for the function to prove."""
+    def read(self, given: object, called: str) -> np.ndarray:
+        """The numbers (N,) as a function is given them, a range as it is typed too.  Raises ArgumentError."""
+        from compare.arguments import numbers
 
-    units: ClassVar[tuple[str, str]] = ("deg", "rad")
-
-    def parse(self, word: str, called: str) -> np.ndarray:
-        """The angles (N,) rad, stop included.  Raises GridError."""
-        import numpy as np
-
-        start, stop, step = _range("--angles", word, "degrees, such as 20:160:5", "rad", math.degrees)
-        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and stop >= start):
-            raise GridError(f"--angles {word}: stop must not be below start, and step must be positive (degrees)")
-        if max(abs(start), abs(stop)) > FARTHEST_ANGLE:
-            raise GridError(f"--angles {word}: a crank angle (degrees) must not be beyond {FARTHEST_ANGLE:g}")
-        if (stop - start) / step > 1e6:
-            raise GridError(f"--angles {word}: that is more than a million angles; use a larger step")
-        return np.radians(start + step * np.arange(int((stop - start) / step + 1e-9) + 1))
-
-
-class Times(ArgumentKind[str]):
-    """Times (s), typed as a range."""
+        ranged = isinstance(given, str) and ":" in given
+        return self.parse(cast(str, given), called) if ranged else numbers(given, called, self.unit)
 
     def parse(self, word: str, called: str) -> np.ndarray:
-        """The times (N,) s, stop included.  Raises GridError."""
+        """The numbers (N,) in SI, stop included.  Raises ArgumentError."""
         import numpy as np
 
-        start, stop, step = _range("--times", word, "seconds, such as 0:1:0.02", "s")
-        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and 0 <= start < stop):
-            raise GridError(f"--times {word}: give a start of 0 or more, a later stop and a positive step (seconds)")
-        if (stop - start) / step > MOST_TIMES:
-            raise GridError(f"--times {word}: that is more than {MOST_TIMES} times; use a larger step")
-        return np.asarray(start + step * np.arange(int((stop - start) / step + 1e-9) + 1))
+        from analytic.mechanism.written import one_unit
+
+        one = self.typed(1.0)
+        try:
+            start, stop, step = _amounts(one_unit(word.split(":")), self.unit, lambda size: size / one)
+        except ValueError as error:
+            why = f"{word}: give start:stop:step in {self.example}{_of_unit(error)}"
+            raise ArgumentError(called, why) from None
+        if not (all(map(math.isfinite, (start, stop, step))) and step > 0 and self.goes(start, stop)):
+            raise ArgumentError(called, f"{word}: {self.wrong}")
+        if (stop - start) / step > self.most:
+            raise ArgumentError(called, f"{word}: that is more than {self.most} {called}; use a larger step")
+        return np.asarray(one * (start + step * np.arange(int((stop - start) / step + 1e-9) + 1)))
+
+    def goes(self, start: float, stop: float) -> bool:
+        """Whether a range may begin and end so."""
+        return stop >= start
+
+    def typed(self, size: float) -> float:
+        """A number without a unit in SI."""
+        return size
+
+
+class Angles(Evenly):
+    """Crank angles, typed in degrees."""
+
+    units: ClassVar[tuple[str, str]] = ("deg", 'rad; a text "20:160:5" is in deg')
+    unit: ClassVar[str] = "rad"
+    example: ClassVar[str] = "degrees, such as 20:160:5"
+    most: ClassVar[int] = 1_000_000
+    wrong: ClassVar[str] = "stop must not be below start, and step must be positive (degrees)"
+
+    def typed(self, size: float) -> float:
+        """An angle in radians."""
+        return math.radians(size)
+
+
+class Times(Evenly):
+    """Times (s)."""
+
+    unit: ClassVar[str] = "s"
+    example: ClassVar[str] = "seconds, such as 0:1:0.02"
+    most: ClassVar[int] = 100_000
+    wrong: ClassVar[str] = "give a start of 0 or more, a later stop and a positive step (seconds)"
+
+    def goes(self, start: float, stop: float) -> bool:
+        return 0 <= start < stop
 
 
 class Places(ArgumentKind[str]):
     """A grid of places (m)."""
 
     def parse(self, word: str, called: str) -> tuple[tuple[float, float, int], tuple[float, float, int]]:
-        """Lowest, highest and number of the x and of the y.  Raises GridError."""
+        """Lowest, highest and number of the x and of the y.  Raises ArgumentError."""
         remedy = "give x0:x1:nx,y0:y1:ny in metres, such as -0.1:0.1:41,0:0.2:41"
         axes = [part.split(":") for part in word.split(",")]
         if [len(axis) for axis in axes] != [3, 3]:
-            raise GridError(f"--workspace {word}: {remedy}")
+            raise ArgumentError(called, f"{word}: {remedy}")
         try:
             (x0, x1), (y0, y1) = (_amounts(axis[:2], "m") for axis in axes)
             nx, ny = (int(axis[2]) for axis in axes)
         except ValueError as error:
-            raise GridError(f"--workspace {word}: {remedy}{_of_unit(error)}") from None
+            raise ArgumentError(called, f"{word}: {remedy}{_of_unit(error)}") from None
         if not (all(map(math.isfinite, (x0, x1, y0, y1))) and x1 > x0 and y1 > y0 and nx >= 2 and ny >= 2):
-            raise GridError(
-                f"--workspace {word}: each axis needs a higher end above its lower one, and two places or more"
-            )
+            why = f"{word}: each axis needs a higher end above its lower one, and two places or more"
+            raise ArgumentError(called, why)
         return (x0, x1, nx), (y0, y1, ny)
 
 
@@ -595,21 +621,6 @@ def listed_once(text: str, called: str) -> list[str]:
     if twice is not None:
         raise ArgumentError(called, f"{twice} is there twice; give each once")
     return parts
-
-
-def _range(
-    option: str, word: str, example: str, unit: str, converted: Callable[[float], float] = float
-) -> tuple[float, float, float]:
-    """Start, stop and step of a range, as they are where no unit is written, else ``converted`` from this SI unit: one
-    unit is that of all three.  Raises GridError.
-    """
-    from analytic.mechanism.written import one_unit
-
-    try:
-        start, stop, step = _amounts(one_unit(word.split(":")), unit, converted)
-    except ValueError as error:
-        raise GridError(f"{option} {word}: give start:stop:step in {example}{_of_unit(error)}") from None
-    return start, stop, step
 
 
 def _amounts(parts: Sequence[str], unit: str, converted: Callable[[float], float] = float) -> list[float]:
