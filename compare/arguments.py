@@ -96,7 +96,7 @@ def warn_of_degrees(called: str, angle: float) -> None:
     """Warn of an angle (rad) that was probably given in degrees."""
     if MOST_LIKELY_DEGREES < abs(angle) < math.inf:
         text = f"{called}: {angle:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
-        warn(text, DegreesWarning)
+        warn(f'{text} Write np.radians(...), or a text, "{angle:g} deg"', DegreesWarning)
 
 
 def names(given: object, called: str, least: int = 0) -> tuple[str, ...]:

@@ -49,7 +49,7 @@ def complaints(
         if issubclass(category, RuntimeWarning):
             return  # numpy's remark on a number that is none: the result that it belongs to has failed, and says so
         if str(message) in caught:
-            return  # a mechanism is made anew, and warned of, wherever something of it is replaced
+            return  # it is said once, of however many runs
         caught.append(str(message))
         typer.echo(f"warning: {printable(str(message))}", err=True)
 

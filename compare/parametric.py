@@ -256,7 +256,9 @@ def _plain(value: object) -> object:
 
 def point(run: Mapping[str, object]) -> dict[str, object]:
     """One point of a sweep: its :class:`Answer` as plain data, so that it may come from another process."""
-    return _answer(run).model_dump(mode="json")
+    with warnings.catch_warnings(), in_bulk():
+        warnings.simplefilter("ignore")  # they are in the result
+        return _answer(run).model_dump(mode="json")
 
 
 def _answer(run: Mapping[str, object]) -> Answer:
@@ -269,10 +271,8 @@ def _answer(run: Mapping[str, object]) -> Answer:
     base = Mechanism.model_validate(run["mechanism"])
     asked = QUESTIONS[asks][1]
     try:
-        with warnings.catch_warnings(), in_bulk():
-            warnings.simplefilter("ignore")  # they are in the result
-            varied = with_values(base, {find(base, name): value for name, value in values.items()})
-            result = asked(varied, **options)
+        varied = with_values(base, {find(base, name): value for name, value in values.items()})
+        result = asked(varied, **options)
     except Error as error:
         why = str(error)
         while why.startswith(f"{base.name}: "):

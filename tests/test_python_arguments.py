@@ -22,7 +22,7 @@ import commands
 import linkage_crosscheck as lc
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.structure import StructureError
-from analytic.mechanism import MechanismError
+from analytic.mechanism import MechanismError, MechanismWarning
 from analytic.mechanism.file import dumps, load
 from analytic.paper.frame import ComplianceError
 from analytic.writing import OutputError
@@ -33,7 +33,7 @@ from compare.cli.app import app
 from compare.diagnose.data.recording import MeasuredError
 from compare.domain_map.map import MapPlan
 from compare.domain_map.validity import plan_of
-from compare.faults import ArgumentError
+from compare.faults import ArgumentError, DegreesWarning
 from compare.judge.tolerances import ToleranceError
 from compare.questions.diagnose import DiagnoseQuestion
 from compare.questions.option import Speeds
@@ -349,14 +349,56 @@ def test_all_engines_in_any_letters() -> None:
 
 
 def test_angles_beyond_two_turns_are_asked_whether_they_are_degrees() -> None:
-    with pytest.warns(UserWarning, match="40 rad is beyond two turns; angles are in radians; was it meant in degrees"):
-        found = lc.analyse("crank-rocker", angles=[20, 30, 40])
-    assert any("degrees" in text for text in found.warnings)
+    with pytest.warns(
+        UserWarning, match="40 rad is beyond two turns; angles are in radians; was it meant in degrees"
+    ) as told:
+        found = lc.analyse("crank-rocker", angles=range(20, 50, 10))
+    (text,) = (each for each in found.warnings if "degrees" in each)
+    assert [str(each.message) for each in told if each.category is DegreesWarning] == [text]
+    assert text.endswith('Write np.radians(...), or a text, "40 deg"')
 
 
 def test_angles_in_degrees_that_are_not_reached_are_asked_too() -> None:
     with pytest.warns(UserWarning, match="degrees"), pytest.raises(ArgumentError):
         lc.analyse("paper", angles=[20, 30])
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        lambda file: lc.load(file),
+        lambda file: lc.analyse(file, clearance={"B": 1e-4}),
+        lambda file: lc.accuracy(file, clearance={"B": 1e-4}, samples=10),
+        lambda file: lc.simulate(file, clearance={"B": 1e-4}, motion="static", angles="0:20:10"),
+        lambda file: lc.crosscheck(file, clearance={"B": 1e-4}, motion="static", joint_model="massless-link"),
+        lambda file: lc.sweep(file, {"joint.B.clearance": [1e-4, 2e-4]}, workers=1),
+    ],
+)
+def test_an_assembly_angle_that_looks_like_degrees_is_asked_about_once_with_how_it_is_written(
+    asked: Callable[[Path], object], tmp_path: Path
+) -> None:
+    m = lc.load("crank-rocker")
+    with pytest.warns(MechanismWarning):
+        file = m.replace(assembly=m.assembly | {"crank": 20 * math.pi}).write(tmp_path / "turned.toml")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        asked(file)
+    (told,) = (str(each.message) for each in caught if issubclass(each.category, MechanismWarning))
+    assert "assembly.crank is 62.8319 rad" in told
+    assert 'Write "62.8319 deg"' in told
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        m.replace(assembly=m.assembly | {"crank": "62.8319 deg"})
+
+
+def test_a_mechanism_that_is_changed_is_asked_about_what_is_new() -> None:
+    with pytest.warns(MechanismWarning, match="assembly.crank is 30 rad"):
+        asked = PAPER.replace(assembly=PAPER.assembly | {"crank": 30.0})
+    with pytest.warns(MechanismWarning) as told:
+        asked.with_body("coupler", points={"A": (0.0, 0.0), "B": (400.0, 0.0)})
+    assert [str(each.message) for each in told] == [
+        "paper: coupler.points.B is 400 m; lengths are in metres, was it meant in millimetres?"
+    ]
 
 
 def test_angles_within_two_turns_are_not(recwarn: pytest.WarningsRecorder) -> None:

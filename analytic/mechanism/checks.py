@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from analytic.errors import warn
 from analytic.mechanism.parts import GROUND, SMALLEST_NUMBER, Body, Drive, Ground, Joint, Load, Sensor, Spring, Stop
 from analytic.mechanism.signals import signals
 from analytic.mechanism.varying import Quantity
@@ -272,28 +271,23 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
         )
 
 
-def warn_of_millimetres(mechanism: str, parts: PartsByName, joints: Iterable[Joint]) -> None:
-    """Warn of a length that no linkage has; ``mechanism`` is its name."""
+def doubts(mechanism: str, parts: PartsByName, joints: Iterable[Joint], assembly: Mapping[str, float]) -> list[str]:
+    """What to ask about lengths (m) that no linkage has, and assembly angles (rad) of several turns; ``mechanism`` is
+    its name.
+    """
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]
     lengths += [(f"{j.name}.guide", max(j.guide)) for j in joints if j.guide is not None]
     name, largest = max(lengths, key=lambda item: item[1])
+    asked = []
     if largest > LARGEST_PLAUSIBLE_LENGTH:
-        warn(
-            f"{mechanism}: {name} is {largest:g} m; lengths are in metres, was it meant in millimetres?",
-            MechanismWarning,
-        )
-
-
-def warn_of_degrees(mechanism: str, assembly: Mapping[str, float]) -> None:
-    """Warn of an assembly angle (rad) of several turns; ``mechanism`` is its name."""
-    turns = {b: a for b, a in assembly.items() if abs(a) > 4 * math.pi}
-    if turns:
-        body, angle = next(iter(turns.items()))
-        warn(
-            f"{mechanism}: assembly.{body} is {angle:g} rad; angles are in radians, was it meant in degrees?",
-            MechanismWarning,
-        )
+        asked.append(f"{mechanism}: {name} is {largest:g} m; lengths are in metres, was it meant in millimetres?")
+    turned = next(((body, angle) for body, angle in assembly.items() if abs(angle) > 4 * math.pi), None)
+    if turned is not None:
+        body, angle = turned
+        where = f"{mechanism}: assembly.{body} is {angle:g} rad"
+        asked.append(f'{where}; angles are in radians, was it meant in degrees? Write "{angle:g} deg"')
+    return asked
 
 
 def check_sensors(

@@ -114,7 +114,7 @@ def with_values(mechanism: Mechanism, values: Mapping[Dotted, float | str]) -> M
             here = here[step]
         here[field.place[-1]] = value
     try:
-        return Mechanism.model_validate(fields)
+        return Mechanism.model_validate(fields, context=mechanism.doubts)
     except ValidationError as error:
         raise MechanismError(f"{mechanism.name}: {'; '.join(describe(error, fields, Mechanism))}") from None
 

@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Annotated, TypeVar
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, field_serializer, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, field_serializer, model_validator
 
+from analytic.errors import warn
 from analytic.mechanism.checks import (
+    MechanismWarning,
     check_assembly,
     check_body,
     check_drives,
@@ -28,8 +30,7 @@ from analytic.mechanism.checks import (
     check_sensors,
     check_springs,
     check_stops,
-    warn_of_degrees,
-    warn_of_millimetres,
+    doubts,
 )
 from analytic.mechanism.errors import MechanismError, brief, describe, quoted, together
 from analytic.mechanism.one_line import clearances, count, one_line
@@ -368,7 +369,7 @@ class Mechanism(MechanismPart):
                 raise MechanismError(f"{self.name}: a mechanism has no field {brief(name)!r} to replace; {remedy}")
             asked[names.get(name, name)] = value
         try:
-            return Mechanism.model_validate(asked)
+            return Mechanism.model_validate(asked, context=self.doubts)
         except ValidationError as error:
             raise MechanismError(f"{self.name}: {'; '.join(describe(error, asked, Mechanism))}") from None
 
@@ -450,9 +451,16 @@ class Mechanism(MechanismPart):
     def __str__(self) -> str:
         return repr(self)
 
+    @cached_property
+    def doubts(self) -> list[str]:
+        """What to ask about numbers that look like millimetres or degrees."""
+        return doubts(self.name, self.parts, self.joints, self.assembly)
+
     @model_validator(mode="after")
-    def _check(self) -> Mechanism:
-        """Each check relies on the ones before it, but for those that are made together."""
+    def _check(self, info: ValidationInfo) -> Mechanism:
+        """Each check relies on the ones before it, but for those that are made together.  What was asked
+        about the mechanism that this is a copy of, the context, is not asked again, nor where a result takes it.
+        """
         check_names(self.bodies, self.joints, self.sensors)
         together(
             *(partial(check_joint, joint, self.parts) for joint in self.joints),
@@ -469,8 +477,9 @@ class Mechanism(MechanismPart):
         )
         limited = [j.stopped(tuple(stop for stop in self.stops if stop.joint == j.name)) for j in self.joints]
         object.__setattr__(self, "joints", _in_their_turns(limited, self.assembly))
-        warn_of_millimetres(self.name, self.parts, self.joints)
-        warn_of_degrees(self.name, self.assembly)
+        for doubt in [] if "doubts" in vars(self) else self.doubts:
+            if doubt not in (info.context or ()):
+                warn(doubt, MechanismWarning)
         return self
 
 
