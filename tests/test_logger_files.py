@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+import linkage_crosscheck as lc
 from analytic.mechanism.columns import Layout
 from analytic.mechanism.file import dumps, load
 from compare.diagnose.data.measured import load_measured
@@ -111,12 +114,39 @@ def test_a_file_of_this_habit_reads_as_the_plain_one(tmp_path: Path, habit: str)
     assert set(found.values) == {"crank_angle", "follower_x"}
 
 
-def test_counts_of_an_encoder_are_angles(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "meant",
+    [
+        {"unit": "deg", "scale": 360 / 4096, "offset": 1.0},
+        {"unit": "rad", "scale": "0.087890625 deg", "offset": "1 deg"},
+        {"scale": "0.087890625deg", "offset": f"{math.pi / 180!r} rad"},
+        {"scale": f"{1 / 4096!r} rev", "offset": "60 arcmin"},
+    ],
+)
+def test_counts_of_an_encoder_are_angles(meant: dict[str, object], tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     path.write_text("time [s],enc\n" + lines(TIME, COUNTS.astype(float)))
-    meaning = {"signal": "crank_angle", "unit": "deg", "scale": 360 / 4096, "offset": 1.0}
+    meaning = {"signal": "crank_angle", **meant}
     found = read_table(path, CRANK_ROCKER, mapped(columns={"enc": meaning}))
     np.testing.assert_allclose(found.values["crank_angle"], np.radians(COUNTS * 360 / 4096 + 1.0), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("meant", "said"),
+    [
+        ({"offset": "90 deg"}, r"phi.*offset = '90 deg' goes with a unit; add that of the column"),
+        ({"unit": "deg", "offset": "90 mm"}, "phi.*'mm' does not go with 'deg'; give two of one kind"),
+        ({"scale": "1 mm"}, "column 2.*unit 'mm', which is of another dimension; an angle is given in rad"),
+        ({"scale": "0 deg"}, "phi.*a scale of 0 leaves nothing"),
+        ({"offset": "nine"}, "phi.offset = 'nine': input should be a valid number"),
+    ],
+)
+def test_a_column_whose_numbers_go_with_another_unit_is_refused_by_name(
+    meant: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    table = pd.DataFrame({"time [s]": TIME, "phi": ANGLE})
+    with pytest.raises(lc.Error, match=said):
+        lc.measured(CRANK_ROCKER, {"run": table}, columns={"phi": {"signal": "crank_angle", **meant}})
 
 
 def test_what_was_made_of_a_file_is_said(tmp_path: Path) -> None:

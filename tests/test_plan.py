@@ -380,6 +380,8 @@ WRONG: Mapping[str, tuple[dict[str, Any], str]] = {
     "unknown field": ({"speed": [1.0]}, "rig.speed is not a field; did you mean 'speeds'"),
     "budget too small": ({"budget": 0.5}, "budget: 0.5 buys no run: one with one sensor costs 1"),
     "rate and samples": ({"rate": 100.0}, "rig.rate and rig.samples exclude each other"),
+    "rate in another unit": ({"samples": None, "rate": "250 mm"}, "rig.rate = '250 mm' has unit 'mm'.*; give it in Hz"),
+    "rate of zero": ({"samples": None, "rate": 0.0}, "rig.rate = 0.0: give a number above 0"),
     "too few samples": ({"samples": None, "rate": 1.0}, "give 12 or more: a higher rate, or more turns"),
     "two loads of one name": ({"loading": [RIG["loading"][0]] * 2}, "two rig.loading have one name"),
 }

@@ -310,7 +310,7 @@ def test_every_quantity_of_a_tolerance_of_measured_data_has_a_unit() -> None:
 
 def test_a_plan_takes_units_with_or_without_a_space(tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(
-        'mechanism = "crank-rocker"\ntolerance = { mass = "5 g" }\n[rig]\nspeeds = ["60rpm"]\n'
+        'mechanism = "crank-rocker"\ntolerance = { mass = "5 g" }\n[rig]\nspeeds = ["60rpm"]\nrate = "0.25kHz"\n'
         'sensors = { follower_angle = "0.05deg" }\n',
         encoding="utf-8",
     )
@@ -318,6 +318,7 @@ def test_a_plan_takes_units_with_or_without_a_space(tmp_path: Path) -> None:
     assert rig.speeds == (pytest.approx(2 * math.pi),)
     assert rig.sensors[0].noise == pytest.approx(math.radians(0.05))
     assert rig.tolerance == {"mass": 5e-3}
+    assert rig.rate == pytest.approx(250.0)
 
 
 def test_a_tolerance_file_takes_units_and_knows_one_for_each_of_its_lines(tmp_path: Path) -> None:

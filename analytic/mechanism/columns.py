@@ -19,6 +19,8 @@ from analytic.mechanism.errors import describe
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.reading import ReadingError, read_toml
 from analytic.mechanism.signals import Signal, named
+from analytic.mechanism.units import between
+from analytic.mechanism.written import BARE, NUMBER
 
 SEPARATORS = {"comma": ",", "semicolon": ";", "tab": "\t", "space": " ", "bar": "|"}
 Separator = Literal[",", ";", "\t", " ", "|", "comma", "semicolon", "tab", "space", "bar"]
@@ -36,12 +38,31 @@ class MapPart(BaseModel):
 
 
 class Conversion(MapPart):
-    """How somebody's numbers are a quantity: ``sign * scale * number + offset`` in ``unit``."""
+    """How somebody's numbers are a quantity: ``sign * scale * number + offset`` in ``unit``.
+
+    A scale may be written with its unit, which is the quantity's where none is said, and an offset in whatever unit.
+    """
 
     unit: Annotated[str, Field(max_length=100)] | None = None
     scale: Finite = 1.0
     offset: Finite = 0.0
     sign: Literal[1, -1] = 1
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_one_unit(cls, given: object) -> object:
+        """The fields with scale and offset in ``unit``.  Raises ValueError."""
+        out = dict(given) if isinstance(given, Mapping) else {}
+        for name in ("scale", "offset"):
+            text = out.get(name)
+            written = NUMBER.fullmatch(text) if isinstance(text, str) and not BARE.fullmatch(text) else None
+            if written is None:
+                continue
+            number, unit = written.groups()
+            if out.get("unit") is None and name == "offset":
+                raise ValueError(f'offset = {text!r} goes with a unit; add that of the column, such as unit = "{unit}"')
+            out[name] = float(number) * between(unit, str(out.setdefault("unit", unit)))
+        return out or given
 
     @field_validator("scale")
     @classmethod

@@ -111,6 +111,16 @@ def factor(unit: str, kind: QuantityKind) -> float:
     return _factor(unit, SI[kind], accepted)
 
 
+def between(unit: str, other: str) -> float:
+    """What a number in ``unit`` is multiplied by to be in another unit of a signal.  Raises UnitError."""
+    for kind in SI:
+        try:
+            return factor(unit, kind) / factor(other, kind)
+        except UnitError:
+            continue
+    raise UnitError(f"unit {shown(unit)} does not go with {shown(other)}; give two of one kind")
+
+
 def factor_to_si(unit: str, si: str) -> float:
     """What a number in ``unit`` is multiplied by to be in an SI unit.  Raises UnitError."""
     kind = next((kind for kind, each in SI.items() if each == si), None)

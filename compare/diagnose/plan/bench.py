@@ -72,7 +72,7 @@ class RigTable(_Part):
     ] = None
     reverse: bool = True
     turns: Annotated[float, Field(gt=0, le=LONGEST)] = 2.0
-    rate: Positive | None = None
+    rate: Quantity | None = None
     samples: Annotated[int, Field(ge=LEAST, le=10**7)] | None = None
     run_price: Positive = 1.0
     budget: Positive | None = None
@@ -102,7 +102,7 @@ class Sensor:
 class Bench:
     """What a rig can do: speeds (rad/s, above 0), both directions or one, loads, sensors, prices and the budget.
 
-    A run is so many ``turns`` of the crank, sampled at a ``rate`` (1/s), or ``samples`` times in all; where neither is
+    A run is so many ``turns`` of the crank, sampled at a ``rate`` (Hz), or ``samples`` times in all; where neither is
     given, A_TURN times a turn.  ``assumed`` says what nobody gave.
     """
 
@@ -193,7 +193,7 @@ def _checked(
         budget or rig.budget or default_budget,
         rig.reverse,
         rig.turns,
-        rig.rate,
+        None if rig.rate is None else _si(f"{where}rig.rate", rig.rate, "Hz"),
         rig.samples,
         rig.run_price,
         tolerance,
