@@ -46,6 +46,18 @@ def test_every_command_of_the_readme_knows_its_options(command: str) -> None:
         assert option in shown.output
 
 
+def test_the_limit_that_it_names_is_broken_by_the_linkage_that_it_has_one_make(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (limit,) = re.findall(r"`(--limit [^`]*)`", README)
+    new, look = (line for line in COMMANDS if "my-linkage" in line)
+    assert CliRunner().invoke(app, shlex.split(new)[1:]).exit_code == 0
+    run = CliRunner().invoke(app, [*shlex.split(look)[1:], *shlex.split(limit)])
+    assert run.exit_code == 1
+    assert "broken: reaction_B is 2718.7 N at 0 deg, more than its limit of 500 N" in run.output
+
+
 def test_there_are_commands_to_check() -> None:
     assert len(COMMANDS) >= 4
 
