@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ import pytest
 from analytic.mechanism.file import load, shipped_cases
 from commands import evidence, without
 from compare.faults import OptionError
+from compare.judge.tolerances import load_tolerances
 from compare.results.validity import Validity
 from document_faults import faults
 from sample_result import as_document, sample_result
@@ -27,7 +30,7 @@ from tests.evidence.stored import other_versions, read, stale_page
 from tests.evidence.validation.beside import diagnosed, maps, with_beside
 from tests.evidence.validation.check import REMEDY, differences, looked_at, update_validation
 from tests.evidence.validation.files import apart
-from tests.evidence.validation.runs import first_order
+from tests.evidence.validation.runs import DRAWN, cross_checks, first_order
 
 REPORTS = Path(__file__).parents[1] / "reports"
 CONTENT = json.loads((REPORTS / "validation.json").read_text(encoding="utf-8"))
@@ -72,6 +75,29 @@ def test_the_committed_page_and_first_order_table_are_those_of_the_committed_num
     (line,) = stale_page(edited, page(STORED), REMEDY)
     assert line.startswith(f"{edited}: line {page(STORED).splitlines().index('| 10 mm | 7.1 deg | 31 % |') + 1} ")
     assert len(list(stale_page(tmp_path / "none.md", page(STORED), REMEDY))) == 1
+
+
+def words(svg: str) -> list[str]:
+    """The texts of a drawing, but for the numbers along its axes."""
+    root = ElementTree.fromstring(svg)
+    texts = ("".join(text.itertext()) for text in root.iter("{http://www.w3.org/2000/svg}text"))
+    return [text for text in texts if re.search(r"[^\d.\u2212-]", text)]
+
+
+@pytest.mark.parametrize("case", shipped_cases())
+def test_the_committed_figures_are_labelled_as_they_are_drawn_today(case: str) -> None:
+    """One engine is enough: it is one of the panels, and the linkage is the analytic side's."""
+    ((_, _, check),) = cross_checks(("mujoco",), load_tolerances(), (case,), (DRAWN,))
+    for name, drawing in drawn(check).items():
+        stored = words((REPORTS / "figures" / f"{case}-{name}.svg").read_text(encoding="utf-8"))
+        assert {word.removeprefix("mujoco, ") for word in words(drawing)} <= set(stored), name
+        assert name != "linkage" or words(drawing) == stored
+
+
+def test_the_picture_of_the_tutorial_is_that_of_the_report() -> None:
+    shown = (REPORTS.parent / "docs" / "paper-linkage.svg").read_text(encoding="utf-8")
+    assert words(shown) == words((REPORTS / "figures" / "paper-linkage.svg").read_text(encoding="utf-8"))
+    assert "gaps drawn 2 times as large" in words(shown)[0]
 
 
 def test_every_picture_that_the_page_shows_is_drawn() -> None:

@@ -79,6 +79,17 @@ def update_validation(folder: Folder = REPORTS, data: Data = None, json: Json = 
         show(check.update_validation(folder, _there(data)), json=json, quiet=quiet, place=folder)
 
 
+@validation.command("figures")
+def draw_figures(
+    cases: Annotated[list[str] | None, typer.Argument(help="Shipped cases [all].")] = None, folder: Folder = REPORTS
+) -> None:
+    """Run what the figures show alone, and draw them again."""
+    with complaints():
+        from tests.evidence.validation import check
+
+        say(check.draw_figures(folder, cases or ()))
+
+
 @validation.command("check")
 def check_validation(
     folder: Folder = REPORTS,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +12,12 @@ from analytic.mechanism.file import load, shipped_cases
 from analytic.paper.clearance import displaced
 from analytic.paper.superposition import total_displacement
 from compare.arguments import cores
-from compare.baseline.runs import not_run, setups
+from compare.baseline.runs import Setup, not_run, setups
 from compare.crosscheck import Job, crosscheck_job
-from compare.judge.tolerances import load_tolerances
+from compare.judge.tolerances import Tolerances, load_tolerances
 from compare.results.crosscheck import CrossCheck
 from compare.results.crosscheck import Run as Compared
-from sim_models.engine import declared, installed_version
+from sim_models.engine import JOINT_MODELS, JointModel, declared, installed_version
 from tests.evidence.published.after_impact import after_impact
 from tests.evidence.results.validation import FirstOrder, Superposed, Validation, ValidationRun
 from tests.evidence.validation.bending import bending
@@ -32,6 +32,7 @@ from tests.evidence.validation.speed import timed
 from tests.evidence.validation.striking import CHECKED, LAWS, MORE, striking
 from tests.evidence.validation.workspaces import SPIRALS, in_engines, workspaces
 
+DRAWN: JointModel = "contact"  # what the figures show
 GAPS = (1e-2, 1e-3, 1e-4)  # m, of the paper's case
 PINS = (("crank", "A"), ("coupler", "com"), ("coupler", "B"), ("follower", "B"))
 BEAM_ANGLES = (20.0, 30.0, 60.0, 90.0, 120.0, 160.0)  # deg
@@ -47,20 +48,10 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
     tolerances = load_tolerances()
     rows: list[ValidationRun] = []
     checks: dict[str, CrossCheck] = {}
-    for case in shipped_cases():
-        for setup in setups(load(case)):
-            if setup.impacting:
-                continue  # nothing to hold an impacting run to but another engine: the baselines do
-            r = setup.request
-            engines = tuple(n for n in names if not not_run(n, declared(n), r))
-            if not engines:
-                continue
-            workers = min(len(engines), cores())
-            job = Job(r.mechanism, engines, tolerances, r.schedule, r.joint_model, workers=workers)
-            result = crosscheck_job(job)
-            rows += told(case, setup.name, result)
-            if r.joint_model == "contact":
-                checks[case] = result
+    for case, setup, result in cross_checks(names, tolerances):
+        rows += told(case, setup.name, result)
+        if setup.request.joint_model == DRAWN:
+            checks[case] = result
     for name, result in guided(names, tolerances):
         rows += told(GUIDED, name, result)
     found = Validation(
@@ -82,6 +73,24 @@ def run_all(names: tuple[str, ...], which: Sequence[Scale], data: Path | None, w
     )
     found.checks.update(checks)
     return found
+
+
+def cross_checks(
+    names: Sequence[str],
+    tolerances: Tolerances,
+    cases: Iterable[str] = (),
+    models: Collection[JointModel] = JOINT_MODELS,
+) -> Iterator[tuple[str, Setup, CrossCheck]]:
+    """These cases, or every shipped one, with these joint models in these engines, as the baselines set them up."""
+    for case in cases or shipped_cases():
+        for setup in setups(load(case)):
+            r = setup.request
+            engines = tuple(n for n in names if not not_run(n, declared(n), r))
+            if setup.impacting or r.joint_model not in models or not engines:
+                continue  # nothing to hold an impacting run to but another engine: the baselines do
+            workers = min(len(engines), cores())
+            job = Job(r.mechanism, engines, tolerances, r.schedule, r.joint_model, workers=workers)
+            yield case, setup, crosscheck_job(job)
 
 
 def told(case: str, name: str, result: CrossCheck) -> list[ValidationRun]:
