@@ -8,6 +8,7 @@ import pytest
 
 import linkage_crosscheck as lc
 from compare.faults import ArgumentError
+from compare.results.crosscheck import Simulator
 
 ANGLES = np.radians(np.arange(0.0, 360.0, 10.0))
 
@@ -155,3 +156,39 @@ def test_a_reaction_is_drawn_as_a_vector_by_its_size_over_its_direction() -> Non
     assert len(result.plot_polar().axes) == len(result.mechanism.joints)
     with pytest.raises(KeyError, match="X: no such joint; they are D, A, B, E"):
         result.plot_polar("X")
+
+
+def test_a_cross_check_draws_engines_over_the_analytic_vector() -> None:
+    """By the signals of size and direction, which the figure does not use; the analytic curve closes the turn."""
+    result = lc.crosscheck("crank-rocker", simulator=["mujoco", "exudyn"], angles="0:345:15", workers=1)
+    (axis,) = (figure := result.plot_polar("B")).axes
+    engines = ["mujoco, ideal", "exudyn, ideal"]
+    assert [line.get_label() for line in axis.lines] == ["analytic", *engines]
+    sides = [result.runs[0].analytic, *(run.simulated for run in result.runs)]
+    for line, signals in zip(axis.lines, sides, strict=True):
+        drawn = np.asarray(line.get_ydata()) * np.exp(1j * np.asarray(line.get_xdata()))
+        force = signals["reaction_B_magnitude"] * np.exp(1j * signals["reaction_B_angle"])
+        np.testing.assert_allclose(drawn[: force.size], force, rtol=1e-6)
+    assert [line.get_xdata().size for line in axis.lines] == [25, 24, 24]
+    figure.draw_without_rendering()
+    assert not axis.get_legend().get_window_extent().overlaps(axis.get_window_extent())
+    assert len(result.plot_polar().axes) == len(result.mechanism.joints)
+    with pytest.raises(KeyError, match="X: no such joint; they are D, A, B, E"):
+        result.plot_polar("X")
+
+
+def test_no_more_than_six_vectors_are_drawn_and_it_is_said_of_how_many_runs() -> None:
+    result = lc.crosscheck("paper", motion="static", angles="30:60:10")
+    (axis,) = result.plot_polar("B").axes
+    labels = [line.get_label() for line in axis.lines]
+    assert labels[:2] == ["analytic, ideal linkage (first-order direction)", "analytic, equilibrium"]
+    assert labels[2:] == [run.title for run in result.runs]
+    assert len(labels) == 6
+    names = [Simulator(name=f"tool {k}", version="1") for k in range(7)]
+    many = result.model_copy(
+        update={"runs": tuple(run.model_copy(update={"simulator": name}) for name in names for run in result.runs)}
+    )
+    figure = many.plot_polar("B")
+    labels = [line.get_label() for line in figure.axes[0].lines]
+    assert labels == ["analytic, equilibrium", *(f"tool {k}, contact" for k in range(5))]
+    assert figure.get_supxlabel() == "5 of 28 runs"

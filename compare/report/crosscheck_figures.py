@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import Literal
@@ -11,8 +12,9 @@ import numpy as np
 
 from analytic.mechanism.signals import same_turn
 from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
+from compare.report.curves import MOST
 from compare.report.figure import ALL, Axis, Figure, Mark, Numbers, Series, extreme, scaled
-from compare.report.summary import Summary
+from compare.report.summary import REAL, Summary
 from compare.results.crosscheck import CrossCheck, Run
 from compare.results.document import listed
 
@@ -123,6 +125,36 @@ def beside(angles: Numbers, reference: Numbers, turn: float = 360.0) -> Numbers:
 def _span(values: Numbers, quantity: Quantity) -> str:
     known = [v for v in values if v is not None]
     return f"from {number(known[0], 4)} to {number(known[-1], 4)} {quantity.unit}" if known else "has no values"
+
+
+def reaction_vectors(summary: Summary) -> Iterator[Figure]:
+    """The force on the second body of each joint as a vector in the ground's frame: the engines over the analytic
+    curve, at most MOST curves; of several engines with the joint model that most of them have, the most real first.
+    """
+    for joint in summary.result.mechanism.joints:
+        names = [f"reaction_{joint.name}_{axis}" for axis in "xy"]
+        there = [shown for shown in summary.runs if all(shows(shown.run, name) for name in names)]
+        models = [shown.run.joint_model for shown in there]
+        if len({shown.run.simulator.name for shown in there}) > 1:
+            model = max((m for m in REAL if m in models), key=models.count)
+            there = [shown for shown in there if shown.run.joint_model == model]
+        lines: dict[str, Series] = {}
+        marks: list[Series] = []
+        for shown in there:
+            name, role, mark = _analytic(shown.run, summary)
+            if all(axis in shown.run.analytic for axis in names):
+                sides = (shown.run.analytic[axis] for axis in names)
+                x, y = (scaled(np.append(v, v[: int(shown.over.around)])) for v in sides)
+                lines.setdefault(name, Series(name, x, y, role, mark, ALL))
+            x, y = (scaled(shown.run.simulated[axis]) for axis in names)
+            marks.append(_simulated(summary, shown.run, x, y, "marker"))
+        series = (*lines.values(), *marks)[:MOST]
+        if marks:
+            title = f"Reaction at {joint.name} as a vector: on {joint.bodies[1]}"
+            left, every = len(series) - len(lines), len(summary.runs)
+            note = f"{left} of {every} runs" if left < every else ""
+            axes = Axis("force x", "N"), Axis("force y", "N")
+            yield Figure(f"vector_{joint.name}", title, f"{title}, by engine.", *axes, series, "plane", note)
 
 
 def _has_path(run: Run, joint: str) -> bool:

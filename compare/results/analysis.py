@@ -13,7 +13,6 @@ from pydantic import Field
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named
 from analytic.paper.clearance import Model
-from compare.presentation import picture
 from compare.results.crosscheck import Index, MetresByJoint, OrderDifference, PinPath, Signals, Simulator
 from compare.results.document import (
     Document,
@@ -28,20 +27,18 @@ from compare.results.document import (
     Text,
     as_dataframe,
     no_signal,
-    pictured,
     rows_of,
 )
-from compare.results.looked_at import peaks
+from compare.results.looked_at import WithReactions, peaks
 from compare.results.play import WithPlay
 from compare.results.toleranced import SignalsByTolerance
 from sim_models.engine import JointModel, Motion, SettingValue
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
 
 
-class _Side(Document):
+class _Side(WithReactions, Document):
     """Signals of a linkage over its crank angle, or over time where it swings freely."""
 
     case: Annotated[str, Field(description="Name of the mechanism.")]
@@ -85,18 +82,6 @@ class _Side(Document):
     def drawable(self) -> Collection[str]:
         """The signals that :meth:`plot` draws by name."""
         return self.kinds.keys()
-
-    def plot_polar(self, *joints: str) -> Figure:
-        """A matplotlib figure of the reactions of these joints, or of all, as vectors: the size (N) over the direction
-        of the force on the second body, in the ground's frame and in that body's own.
-
-        Raises KeyError for what is no joint, ImportError with the remedy where matplotlib is not installed.
-        """
-        those = [joint.name for joint in self.mechanism.joints]
-        for name in joints:
-            if name not in those:
-                raise KeyError(f"{name}: no such joint; they are {', '.join(those)}")
-        return pictured(lambda figure: picture("polar")(self, joints or those, figure), "plot_polar")
 
     @property
     def _between(self) -> dict[str, tuple[float, float]]:

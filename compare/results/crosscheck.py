@@ -28,7 +28,7 @@ from compare.results.document import (
     as_dataframe,
     rows_of,
 )
-from compare.results.looked_at import peaks
+from compare.results.looked_at import WithReactions, peaks
 from compare.results.play import WithPlay
 from sim_models.engine import Cause, JointModel, Motion, SettingValue
 
@@ -281,7 +281,7 @@ class Spread(Part):
     joint_model: JointModel
 
 
-class CrossCheck(Document):
+class CrossCheck(WithReactions, Document):
     """A cross-check of the analytic model against multibody simulations.  SI units and radians; what has no number is
     null.
     """

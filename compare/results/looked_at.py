@@ -1,14 +1,19 @@
-"""Signals of results, looked at one by one: the largest value of each."""
+"""Signals of results, looked at one by one: the largest value of each, and reactions as vectors."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from analytic.mechanism import Mechanism
 from analytic.mechanism.signals import Signal
-from compare.results.document import Row
+from compare.presentation import picture
+from compare.results.document import Row, pictured
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NOTHING = 1e-9  # of the largest signal of its unit: smaller is rounding
 
@@ -42,6 +47,30 @@ def peaks(
         elif first is not None:
             places = dict.fromkeys(places, first)
         yield {"signal": name, "unit": kind.unit, "largest": largest, **places}
+
+
+class _OfLinkage(Protocol):
+    """A result of a linkage."""
+
+    @property
+    def mechanism(self) -> Mechanism: ...
+
+
+class WithReactions:
+    """What a result can show of the reactions of its joints."""
+
+    def plot_polar(self: _OfLinkage, *joints: str) -> Figure:
+        """A matplotlib figure of the reactions of these joints, or of all, as vectors: the size (N) over the direction
+        of the force on the second body, in the ground's frame and in that body's own; of a cross-check in the ground's,
+        the engines over the analytic curve, of several engines with the joint model that most of them have.
+
+        Raises KeyError for what is no joint, ImportError with the remedy where matplotlib is not installed.
+        """
+        those = [joint.name for joint in self.mechanism.joints]
+        for name in joints:
+            if name not in those:
+                raise KeyError(f"{name}: no such joint; they are {', '.join(those)}")
+        return pictured(lambda figure: picture("polar")(self, joints or those, figure), "plot_polar")
 
 
 class ByClearance(Protocol):
