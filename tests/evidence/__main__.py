@@ -85,9 +85,15 @@ def draw_figures(
 ) -> None:
     """Run what the figures show alone, and draw them again."""
     with complaints():
-        from tests.evidence.validation import check
+        from analytic.writing import write_atomically
+        from compare.judge.tolerances import load_tolerances
+        from tests.evidence.pages.validation import drawn
+        from tests.evidence.stored import asked
+        from tests.evidence.validation.runs import DRAWN, cross_checks
 
-        say(check.draw_figures(folder, cases or ()))
+        for case, _, check in cross_checks(asked("all")[0], load_tolerances(), cases or (), (DRAWN,)):
+            for name, drawing in drawn(check).items():
+                write_atomically(folder / "figures" / f"{case}-{name}.svg", drawing)
 
 
 @validation.command("check")

@@ -14,12 +14,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from analytic.mechanism.one_line import count
-from analytic.writing import write_atomically
 from compare.arguments import Simulators
 from compare.files import made_folder
-from compare.judge.tolerances import load_tolerances
 from compare.results.document import Part
-from tests.evidence.pages.validation import drawn
 from tests.evidence.results.validation import (
     Apart,
     Bent,
@@ -35,7 +32,7 @@ from tests.evidence.results.validation import (
 )
 from tests.evidence.stored import asked, other_versions, read, stale_page, store
 from tests.evidence.validation.beside import with_beside
-from tests.evidence.validation.runs import DRAWN, cross_checks, run_all
+from tests.evidence.validation.runs import run_all
 from tests.evidence.validation.scales import checked, scales
 
 WHERE = Path("reports")
@@ -96,19 +93,6 @@ def update_validation(folder: str | Path = WHERE, data: Path | None = None) -> V
         found = with_beside(found.model_copy(update=kept), Path(folder))
         store(found, folder, "--reports")
     return found
-
-
-def draw_figures(folder: str | Path = WHERE, cases: Sequence[str] = ()) -> list[str]:
-    """Draw the figures of these cases, or of all, anew; the files.  Raises OutputError."""
-    names, _ = asked("all")
-    made = {
-        f"figures/{case}-{name}.svg": drawing
-        for case, _, check in cross_checks(names, load_tolerances(), cases, (DRAWN,))
-        for name, drawing in drawn(check).items()
-    }
-    for file, drawing in made.items():
-        write_atomically(Path(folder) / file, drawing)
-    return list(made)
 
 
 def _or_stored(stored: Validation, found: Validation, name: str) -> tuple[Part, ...]:
