@@ -4,7 +4,7 @@ so that no result imports a page or all other kinds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -42,6 +42,8 @@ PRESENTATIONS: dict[str, str] = {}
 the kind is shown."""
 PICTURES: dict[str, str] = {}
 """By its name, where what draws a picture of a part of a result into a matplotlib figure is (``module:name``)."""
+TABLES: dict[str, str] = {}
+"""By its name, where what makes the rows of a table of a part of a result is (``module:name``)."""
 LEFT_OVER: list[Callable[[Path, set[str]], set[str]]] = []
 """What tells which other files of a folder belong to earlier results that lose one of these names."""
 
@@ -55,3 +57,8 @@ def presentation(result: D) -> Presentation[D]:
 def picture(name: str) -> Callable[..., None]:
     """What draws the picture of that name."""
     return cast(Callable[..., None], resolve_name(PICTURES[name]))
+
+
+def table(name: str) -> Callable[[D], list[Mapping[str, float | str | None]]]:
+    """What makes the rows of the table of that name."""
+    return cast("Callable[[D], list[Mapping[str, float | str | None]]]", resolve_name(TABLES[name]))

@@ -20,7 +20,9 @@ from compare.diagnose.rattle.statistics import QUANTILES, Statistics, blows, qua
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import Turns, rattles
 from compare.diagnose.workflow import diagnose
+from compare.results.diagnosis import DiagnosedRun, Diagnosis, SensorRecord
 from marks import slow
+from sample_diagnosis import as_document, sample_diagnosis
 from sim_models.common.contact_laws import default_stiffness
 from tests.evidence.scoreboard.rattling import Rattling, drawn
 
@@ -132,6 +134,54 @@ def test_two_recordings_of_one_rig_are_as_far_apart_as_their_halves() -> None:
     assert 0.7 < judged.gap([again]) < 1.6
     assert judged.gap([smooth()]) > 2.0 * judged.gap([again])
     assert judged.gap([struck(np.random.default_rng(6), 4.0)]) > 1.5 * judged.gap([again])
+
+
+def diagnosed(measured: dict[str, np.ndarray], after: dict[str, np.ndarray]) -> Diagnosis:
+    """A document of that recording, simulated as smooth before."""
+    (run,) = recording(**measured)[0].runs
+    before, noise = smooth(), {"noise_given": True, "gap_before": 9.0, "gap_after": 1.0}
+    signals = {
+        s: SensorRecord(unit=c.unit, noise=c.noise, measured=c.values, before=before[s], after=after[s], **noise)
+        for s, c in run.channels.items()
+    }
+    angle = 0.4 + SPEED * run.time
+    document = DiagnosedRun(name="run", drive="speed", time=run.time, crank_angle=angle, held_out=None, signals=signals)
+    return as_document(sample_diagnosis(samples=37)).model_copy(update={"runs": (document,)})
+
+
+def test_quantiles_of_a_diagnosis_are_a_frame_of_what_it_was_judged_by() -> None:
+    """The measured ones are the judge's own; simulated ones are counted again by part of the turn."""
+    measured, after = struck(np.random.default_rng(4)), struck(np.random.default_rng(5))
+    after["reaction_E_x"][20] = math.nan
+    result = diagnosed(measured, after)
+    frame = result.quantiles_frame()
+    assert len(frame) == len(SENSORS) * 24 * len(QUANTILES)
+    judged = statistics(measured).measured.whole
+    for signal, rows in frame.groupby("signal", sort=False):
+        np.testing.assert_allclose(rows["measured"].to_numpy().reshape(24, 5), judged["run", str(signal)], rtol=1e-12)
+        assert not rows["before"].any()
+    turned = (result.runs[0].crank_angle % math.tau)[: SAMPLES * COUNT]
+    for row in frame.iloc[[0, 57, 121, 200, 240, 359]].to_dict("records"):
+        there = (turned >= row["crank_angle_from"]) & (turned < row["crank_angle_to"])
+        off = (after[row["signal"]] - smooth()[row["signal"]])[: SAMPLES * COUNT][there]
+        assert row["after"] == pytest.approx(np.nanquantile(off, row["quantile"]), rel=1e-9)
+    assert [*frame.loc[0]][:4] == ["run", "follower_angle", "rad", 0.1]
+
+
+def test_quantiles_are_of_the_readings_themselves_where_the_nominal_linkage_has_clearance() -> None:
+    measured = struck(np.random.default_rng(4))
+    result = diagnosed(measured, measured)
+    loose = result.model_copy(update={"mechanism": result.mechanism.with_clearances({"B": 1e-4})})
+    frame = loose.quantiles_frame()
+    assert set(frame["signal"]) == {"reaction_E_x", "reaction_E_y"}
+    middle = frame[(frame["signal"] == "reaction_E_y") & (frame["quantile"] == 0.5)]
+    middles = (middle["crank_angle_from"] + middle["crank_angle_to"]) / 2
+    np.testing.assert_allclose(middle["before"], 4 * np.cos(middles - 0.4), atol=0.3)
+
+
+def test_a_run_of_less_than_three_revolutions_has_no_quantiles() -> None:
+    with pytest.raises(KeyError, match="no run turns a crank 3 times"):
+        as_document(sample_diagnosis(samples=37)).quantiles_frame()
 
 
 def test_a_recording_that_only_begins_the_same_is_compared_over_what_there_is() -> None:

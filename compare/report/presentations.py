@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from compare.presentation import LEFT_OVER, PICTURES, PRESENTATIONS
+from compare.presentation import LEFT_OVER, PICTURES, PRESENTATIONS, TABLES
 
 MODULES = {
     "Accuracy": "accuracy",
@@ -36,3 +36,4 @@ LEFT_OVER.append(_left_over)
 PRESENTATIONS |= {kind: f"compare.report.{module}:PRESENTATION" for kind, module in MODULES.items()}
 PRESENTATIONS |= {kind: f"compare.report.lists:{kind.upper()}" for kind in LISTS}
 PICTURES |= {name: f"compare.report.{name}:plot" for name in ("orbit", "polar")}
+TABLES["spread"] = "compare.report.spread:rows"

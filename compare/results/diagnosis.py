@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import Signal, named, wrapped
+from compare.presentation import table
 from compare.results.band import Band, Context, Metrics
 from compare.results.crosscheck import Simulator
 from compare.results.document import (
@@ -510,6 +511,17 @@ class Diagnosis(Document):
             for name, channel in run.signals.items()
         ]
         return as_dataframe(rows, "statistics_frame")
+
+    def quantiles_frame(self) -> pandas.DataFrame:
+        """A data frame of how readings are spread in each part of a revolution, over whole revolutions, as a rig that
+        rattles is judged: run, signal, unit, quantile, the part (``crank_angle_from`` and ``_to``, rad), measured, and
+        simulated before and after, SI; each less what the nominal linkage reads, unless that has clearance itself.
+        Simulated ones are without the sensor's noise, and readings left out as spikes are not among the measured ones.
+
+        Raises KeyError where no run has three whole revolutions, ImportError with the remedy where pandas is not
+        installed.
+        """
+        return as_dataframe(table("spread")(self), "quantiles_frame")
 
     def units(self) -> Mapping[str, str]:
         """SI unit of each column."""
