@@ -516,7 +516,7 @@ class Diagnosis(Document):
         """A data frame of how readings are spread in each part of a revolution, over whole revolutions, as a rig that
         rattles is judged: run, signal, unit, quantile, the part (``crank_angle_from`` and ``_to``, rad), measured, and
         simulated before and after, SI; each less what the nominal linkage reads, unless that has clearance itself.
-        Simulated ones are without the sensor's noise, and readings left out as spikes are not among the measured ones.
+        The sensor's noise is added to simulated ones, and readings left out as spikes are not among the measured ones.
 
         Raises KeyError where no run has three whole revolutions, ImportError with the remedy where pandas is not
         installed.
