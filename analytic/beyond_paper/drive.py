@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -23,6 +23,7 @@ from analytic.mechanism import Ripple
 LAG_POINTS = 127
 MOST_LAG_KNOTS = 1024  # of a lag that does not repeat
 MOTOR_LAG_SETTLED = 1e-9  # rad, of a step towards the lag: it is found
+DRY = 1e-6  # of a torque, by which it may differ in a slow motion either way without dry friction
 DriveTorque = Callable[[Turning], np.ndarray]  # N.m (N,) that a motion of the crank needs
 
 
@@ -108,30 +109,81 @@ class Motor:
         return Turning(here.theta - series[0], here.omega - series[1], here.alpha - series[2])
 
     def _stretch(self, time: np.ndarray, stiffness: float, torque: DriveTorque) -> Turning:
-        """The lag that follows the torque without swinging, on knots too far apart for the crank to swing
-        between them.
-        """
-        from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
+        """The crank whose lag follows the torque without swinging.
 
-        motor = self.at(time)
-        still = Turning(motor.theta, motor.omega, np.zeros(time.size))
-        inertia = float(np.abs(torque(Turning(motor.theta, motor.omega, np.ones(time.size))) - torque(still)).max())
+        Where a motor turns back, a crank with dry friction rests until the spring has gone from what one way asks for
+        to what the other does: it plays between the lags of both (Krasnosel'skii and Pokrovskii 1989).
+        """
+        here, end = self.at(time), float(np.ptp(time)) * 1e-9
+        slow = 1e-9 * float(np.abs(here.omega).max())
+        ways = [torque(Turning(here.theta, np.full(time.size, way), here.alpha)) for way in (-slow, slow)]
+        inertia = torque(Turning(here.theta, here.omega, np.ones(time.size)))
+        inertia -= torque(Turning(here.theta, here.omega, np.zeros(time.size)))
         span = float(np.ptp(time))
-        apart = max(5 * math.sqrt(inertia / stiffness), span / MOST_LAG_KNOTS)
-        knots = min(MOST_LAG_KNOTS, max(4, 1 + int(span / apart)))
-        grid = np.linspace(time.min(), time.max() + 1e-9 * span, knots)
-        motor, here = self.at(grid), self.at(time)
-        spline = CubicSpline(grid, np.zeros(knots))
-        for _ in range(30):
-            back = [spline(grid, n) for n in range(3)]
-            lag = torque(Turning(motor.theta - back[0], motor.omega - back[1], motor.alpha - back[2])) / stiffness
-            change = float(np.abs(lag - back[0]).max())
-            spline = CubicSpline(grid, lag)
-            if change < MOTOR_LAG_SETTLED:
-                break
-            if not change < math.pi:
-                raise _no_steady_motion(stiffness)
-        return Turning(here.theta - spline(time), here.omega - spline(time, 1), here.alpha - spline(time, 2))
+        apart = max(5 * math.sqrt(float(np.abs(inertia).max()) / stiffness), span / MOST_LAG_KNOTS)
+        knots = min(MOST_LAG_KNOTS, max(4, 1 + int(span / apart)))  # too far apart to swing between them
+        grid = np.linspace(time.min(), time.max() + end, knots)
+        motor, moved = self.at(grid), np.interp(grid, time, inertia)
+
+        def goes(moving: Turning, way: float) -> np.ndarray:
+            """Torque of a motion that goes this way, however slowly."""
+            return torque(Turning(moving.theta, way * np.maximum(way * moving.omega, slow), moving.alpha))
+
+        def behind(way: float) -> Turning:
+            lag = _lag(motor, grid, partial(goes, way=way) if way else torque, moved, stiffness)
+            return Turning(here.theta - lag(time), here.omega - lag(time, 1), here.alpha - lag(time, 2))
+
+        if np.abs(ways[1] - ways[0]).max() <= DRY * np.abs(ways).max():
+            return behind(0.0)
+        ahead, astern = behind(1.0), behind(-1.0)
+        theta, low, high = [], ahead.theta.tolist(), astern.theta.tolist()
+        rests = low[0] if here.omega[0] > 0 else high[0]
+        for least, most in zip(low, high, strict=True):
+            rests = max(least, min(most, rests))
+            theta.append(rests)
+        found = np.array(theta)
+        along = [found == ahead.theta, found == astern.theta]
+        omega, alpha = (
+            np.select(along, [getattr(one, part) for one in (ahead, astern)]) for part in ("omega", "alpha")
+        )
+        return Turning(found, omega, alpha)
+
+
+def _lag(
+    motor: Turning, grid: np.ndarray, torque: DriveTorque, inertia: np.ndarray, stiffness: float
+) -> Callable[..., np.ndarray]:
+    """The lag of a crank over time as a cubic spline at even times (N,) s, of a motor's motion and an inertia (N,)
+    there.
+    """
+    from scipy.interpolate import CubicSpline  # here: importing it takes a quarter of a second
+
+    spline = CubicSpline(grid, np.zeros(grid.size))
+    for _ in range(30):
+        back = [spline(grid, n) for n in range(3)]
+        needed = torque(Turning(motor.theta - back[0], motor.omega - back[1], motor.alpha - back[2]))
+        lag = _on_spline((needed + inertia * back[2]) / stiffness, inertia / stiffness, float(grid[1] - grid[0]))
+        change = float(np.abs(lag - back[0]).max())
+        spline = CubicSpline(grid, lag)
+        if change < MOTOR_LAG_SETTLED:
+            return spline
+        if not change < math.pi:
+            break
+    raise _no_steady_motion(stiffness)
+
+
+def _on_spline(given: np.ndarray, weight: np.ndarray, apart: float) -> np.ndarray:
+    """Values y (N,) at even knots whose cubic spline obeys y + w y'' = given: the bends y'' of three neighbours are
+    (y1 - 2 y2 + y3) / h^2 = (y1'' + 4 y2'' + y3'') / 6, those at the ends on a line with the next two.
+    """
+    from scipy.linalg import solve_banded
+
+    share = weight / apart**2
+    bands = np.zeros((5, given.size))  # of a matrix with two diagonals on either side
+    bands[1, 2:], bands[2, 1:-1], bands[3, :-2] = 1 / 6 + share[2:], 2 / 3 - 2 * share[1:-1], 1 / 6 + share[:-2]
+    bands[2, [0, -1]] = bands[0, 2] = bands[4, -3] = 1.0
+    bands[1, 1] = bands[3, -2] = -2.0
+    bent = np.concatenate([[0.0], np.diff(given, 2) / apart**2, [0.0]])
+    return np.asarray(given - weight * solve_banded((2, 2), bands, bent))
 
 
 @cache

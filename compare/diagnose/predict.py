@@ -10,7 +10,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import TypeVar
 
 import numpy as np
@@ -38,6 +38,8 @@ from compare.judge.signals import with_derived
 TABLES = 100  # linkages whose freedom is kept
 ALTERED = 300  # mechanisms that are kept
 CACHED = 400  # courses that are kept
+DELAYS = 20  # of free runs, of which is kept what samples say of a motion so long ago
+NEIGHBOURS = 6  # samples that tell of a motion between two of them
 BYTES = 24_000_000  # of the signals that are kept of driven runs, and of free ones
 AT_ONCE = 100_000  # samples of free runs, whose signals are found together
 ANYWHERE = Turning(np.array([0.3, 1.7, 3.2, 4.9]), np.ones(4), np.zeros(4))  # readings by which motors are told apart
@@ -180,6 +182,7 @@ class Model:
         self._tables: dict[object, tuple[Assembly, Freedom] | None] = {}
         self._turned: dict[object, Turning] = {}
         self._followed: dict[object, Walk] = {}
+        self._earlier: dict[tuple[str, float], tuple[np.ndarray, np.ndarray]] = {}
         self._kept: Kept[Driven] = Kept()
         self._swung: Kept[Swing] = Kept()
 
@@ -225,7 +228,7 @@ class Model:
                 if motion is None:
                     return None
                 wanted = [signal for signal, each in heard_by[r].items() if any(a == age for _, a in each)]
-                seen[r, age] = _aged(motion, wanted, run.time, age)
+                seen[r, age] = self._aged(run, {signal: motion[signal] for signal in wanted}, age)
         readings = [
             sensed(hypothesis, run, {s: mixed(each, {a: seen[r, a] for _, a in each}, s) for s, each in echoes.items()})
             for r, (run, echoes) in enumerate(zip(self.measured.runs, heard_by, strict=True))
@@ -386,6 +389,17 @@ class Model:
             None if one is None or key not in moved else (moved[key], one[1].inertia(moved[key][0]))
             for key, one in zip(keys, each, strict=True)
         ]
+
+    def _aged(self, run: MeasuredRun, signals: Signals, delay: float) -> Signals:
+        """Signals (N,) of a free run some seconds ago."""
+        if delay == 0:
+            return signals
+        if (run.name, delay) not in self._earlier:
+            if len(self._earlier) > DELAYS:
+                self._earlier.clear()
+            self._earlier[run.name, delay] = earlier(run.time, delay)
+        which, weights = self._earlier[run.name, delay]
+        return {name: np.einsum("kn,kn->n", values[which], weights) for name, values in signals.items()}
 
     def _seen_of(self, run: MeasuredRun, assembly: Assembly, moved: np.ndarray) -> dict[str, np.ndarray]:
         """The signals (N,) that sensors and the encoder of a free run see of a motion (3, N)."""
@@ -662,12 +676,14 @@ def _over_gaps(m: Mechanism, found: Displaced, sizes: Sequence[int], rates: bool
     return signals
 
 
-def _aged(moved: Signals, wanted: Sequence[str], time: np.ndarray, delay: float) -> dict[str, np.ndarray]:
-    """Signals (N,) of a free run some seconds ago, by cubic splines; before the first sample the first holds."""
-    signals = {name: moved[name] for name in wanted}
-    if delay == 0:
-        return signals
-    from scipy.interpolate import CubicSpline
-
+def earlier(time: np.ndarray, delay: float) -> tuple[np.ndarray, np.ndarray]:
+    """Which samples (k, N) of those at times (N,) s, and as how much each counts (k, N), tell of a motion some seconds
+    before each: Lagrange's polynomials through six neighbours.  Before the first sample the first holds.
+    """
     at = np.clip(time - delay, time[0], time[-1])
-    return {name: CubicSpline(time, values)(at) for name, values in signals.items()}
+    count = min(NEIGHBOURS, time.size)
+    which = np.clip(np.searchsorted(time, at) - count // 2, 0, time.size - count) + np.arange(count)[:, None]
+    nodes, weights = time[which], np.ones(which.shape)
+    for k, m in permutations(range(count), 2):
+        weights[k] *= (at - nodes[m]) / (nodes[k] - nodes[m])
+    return which, weights
