@@ -534,9 +534,10 @@ def turned_by(run: MeasuredRun, read: Turning, hypothesis: Hypothesis, rig: Rig)
     """How a motor turns whose encoder reads this (N,), or several (k, N); of a run that follows none it is what was
     given.  Raises Impossible for an encoder that errs so much that it does not tell one angle from another.
     """
+    several = rig.mechanism.several
     for term, values in hypothesis if run.drive == "measured" else ():
         try:
-            if not rig.mechanism.several:
+            if not several:
                 read = term.effect.motor(run.name, read, values)
             elif term.effect.misreads:
                 read = _one_turned(read, rig.encoders.index(term.where), term, run.name, values)
