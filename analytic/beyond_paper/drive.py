@@ -114,15 +114,14 @@ class Motor:
         Where a motor turns back, a crank with dry friction rests until the spring has gone from what one way asks for
         to what the other does: it plays between the lags of both (Krasnosel'skii and Pokrovskii 1989).
         """
-        here, end = self.at(time), float(np.ptp(time)) * 1e-9
+        here, span = self.at(time), float(np.ptp(time))
         slow = 1e-9 * float(np.abs(here.omega).max())
         ways = [torque(Turning(here.theta, np.full(time.size, way), here.alpha)) for way in (-slow, slow)]
         inertia = torque(Turning(here.theta, here.omega, np.ones(time.size)))
         inertia -= torque(Turning(here.theta, here.omega, np.zeros(time.size)))
-        span = float(np.ptp(time))
         apart = max(5 * math.sqrt(float(np.abs(inertia).max()) / stiffness), span / MOST_LAG_KNOTS)
         knots = min(MOST_LAG_KNOTS, max(4, 1 + int(span / apart)))  # too far apart to swing between them
-        grid = np.linspace(time.min(), time.max() + end, knots)
+        grid = np.linspace(time.min(), time.max() + 1e-9 * span, knots)
         motor, moved = self.at(grid), np.interp(grid, time, inertia)
 
         def goes(moving: Turning, way: float) -> np.ndarray:
@@ -142,11 +141,9 @@ class Motor:
             rests = max(least, min(most, rests))
             theta.append(rests)
         found = np.array(theta)
-        along = [found == ahead.theta, found == astern.theta]
-        omega, alpha = (
-            np.select(along, [getattr(one, part) for one in (ahead, astern)]) for part in ("omega", "alpha")
-        )
-        return Turning(found, omega, alpha)
+        along = [found == ahead.theta, found == astern.theta]  # elsewhere it rests
+        rates = np.select(along, [ahead.omega, astern.omega]), np.select(along, [ahead.alpha, astern.alpha])
+        return Turning(found, *rates)
 
 
 def _lag(
