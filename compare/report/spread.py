@@ -9,7 +9,7 @@ import numpy as np
 
 from analytic.mechanism.signals import wrapped
 from compare.diagnose.rattle.statistics import QUANTILES, SEED, quantiles
-from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns
+from compare.diagnose.rattle.turns import TURNS, Turns
 from compare.results.diagnosis import SIDES, DiagnosedRun, Diagnosis
 from compare.results.document import Row
 
@@ -18,22 +18,15 @@ Noise = Mapping[str, np.random.Generator]
 
 def rows(result: Diagnosis) -> list[Row]:
     """See :meth:`compare.results.diagnosis.Diagnosis.quantiles_frame`."""
-    runs = result.runs if result.mechanism.cranked and not result.mechanism.several else ()
+    cranked = result.mechanism.cranked and not result.mechanism.several
+    runs = [run for run in result.runs if run.drive in ("speed", "measured")] if cranked else []
     noise: Noise = {side: np.random.default_rng(SEED) for side in SIDES}
-    found = [row for run in runs if (turns := _turns(run)) for row in _of_run(result, run, turns, noise)]
+    found = [
+        row for run in runs if (turns := Turns.enough(run.crank_angle)) for row in _of_run(result, run, turns, noise)
+    ]
     if not found:
         raise KeyError(f"{result.case}: no run turns a crank {TURNS} times; quantiles are over whole revolutions")
     return found
-
-
-def _turns(run: DiagnosedRun) -> Turns | None:
-    """The whole revolutions of a run, if it has enough of them to be judged by."""
-    steps = np.diff(run.crank_angle)
-    if run.drive not in ("speed", "measured") or not steps.size or not (np.all(steps > 0) or np.all(steps < 0)):
-        return None
-    turns = Turns.of(run.crank_angle)
-    enough = turns.count >= TURNS and np.sum(turns.turn >= 0) >= FEWEST * turns.count
-    return turns if enough else None
 
 
 def _of_run(result: Diagnosis, run: DiagnosedRun, turns: Turns, noise: Noise) -> Iterator[Row]:

@@ -23,7 +23,7 @@ from compare.diagnose.rattle.contact import SILENT, Found, asked
 from compare.diagnose.rattle.law import Law, Simulate, jackknifed
 from compare.diagnose.rattle.statistics import ALIKE, Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
-from compare.diagnose.rattle.turns import FEWEST, TURNS, Turns, rattles
+from compare.diagnose.rattle.turns import FEWEST, Turns, rattles
 from compare.results.diagnosis import DiagnosisVerdict
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.engine import engine
@@ -105,15 +105,10 @@ def note_unjudged(problem: Problem) -> None:
 
 def _turns(problem: Problem) -> dict[str, Turns]:
     """The revolutions of runs that have enough of them."""
-    m, found = problem.mechanism, {}
-    for run in problem.measured.runs if m.cranked and not m.several else ():
-        angle = problem.crank_angle(run) if run.drive != "free" else np.zeros(0)
-        steps = np.diff(angle)
-        if angle.size > TURNS * FEWEST and (np.all(steps > 0) or np.all(steps < 0)):
-            each = Turns.of(angle)
-            if each.count >= TURNS and np.sum(each.turn >= 0) >= FEWEST * each.count:
-                found[run.name] = each
-    return found
+    m = problem.mechanism
+    runs = [run for run in problem.measured.runs if run.drive != "free"] if m.cranked and not m.several else []
+    each = {run.name: Turns.enough(problem.crank_angle(run)) for run in runs}
+    return {name: turns for name, turns in each.items() if turns is not None}
 
 
 def _sensors(problem: Problem, run: MeasuredRun) -> list[str]:

@@ -38,6 +38,15 @@ class Turns:
         whole = math.floor(float(gone[-1]) + 1.0 / max(angle.size / max(float(gone[-1]), 1e-9), 1.0))
         return cls(np.where(turn < whole, turn, -1), (angle / (2 * math.pi)) % 1.0, gone)
 
+    @classmethod
+    def enough(cls, angle: np.ndarray) -> Turns | None:
+        """Those of a crank's angles (N,) rad, if they go one way in enough revolutions of enough samples each."""
+        steps = np.diff(angle)
+        if angle.size <= TURNS * FEWEST or not (np.all(steps > 0) or np.all(steps < 0)):
+            return None
+        turns = cls.of(angle)
+        return turns if turns.count >= TURNS and np.sum(turns.turn >= 0) >= FEWEST * turns.count else None
+
     @cached_property
     def count(self) -> int:
         """How many there are."""
