@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -23,6 +23,7 @@ from analytic.mechanism import Ripple
 LAG_POINTS = 127
 MOST_LAG_KNOTS = 1024  # of a lag that does not repeat
 MOTOR_LAG_SETTLED = 1e-9  # rad, of a step towards the lag: it is found
+NUDGE = 1e-3  # of the fastest motion, by which speeds differ that tell how torque grows with speed
 DRY = 1e-6  # of a torque, by which it may differ in a slow motion either way without dry friction
 DriveTorque = Callable[[Turning], np.ndarray]  # N.m (N,) that a motion of the crank needs
 
@@ -115,21 +116,27 @@ class Motor:
         to what the other does: it plays between the lags of both (Krasnosel'skii and Pokrovskii 1989).
         """
         here, span = self.at(time), float(np.ptp(time))
-        slow = 1e-9 * float(np.abs(here.omega).max())
+        slow = 1e-12 * float(np.abs(here.omega).max())
         ways = [torque(Turning(here.theta, np.full(time.size, way), here.alpha)) for way in (-slow, slow)]
         inertia = torque(Turning(here.theta, here.omega, np.ones(time.size)))
         inertia -= torque(Turning(here.theta, here.omega, np.zeros(time.size)))
-        apart = max(5 * math.sqrt(float(np.abs(inertia).max()) / stiffness), span / MOST_LAG_KNOTS)
-        knots = min(MOST_LAG_KNOTS, max(4, 1 + int(span / apart)))  # too far apart to swing between them
+        faster = NUDGE * float(np.abs(here.omega).max()) * np.where(here.omega < 0, -1.0, 1.0)
+        grows = torque(Turning(here.theta, here.omega + faster, here.alpha)) - torque(here)
+        damping = np.divide(grows, faster, out=np.zeros(time.size), where=faster != 0)
+        swings, creeps = (float(np.abs(each).max()) / stiffness for each in (inertia, damping))
+        apart = max(5 * math.sqrt(swings), 8 * creeps, span / MOST_LAG_KNOTS)
+        knots = min(MOST_LAG_KNOTS, max(4, 1 + int(span / apart)))  # too far apart to swing or creep between them
         grid = np.linspace(time.min(), time.max() + 1e-9 * span, knots)
         motor, moved = self.at(grid), np.interp(grid, time, inertia)
 
-        def goes(moving: Turning, way: float) -> np.ndarray:
-            """Torque of a motion that goes this way, however slowly."""
-            return torque(Turning(moving.theta, way * np.maximum(way * moving.omega, slow), moving.alpha))
-
         def behind(way: float) -> Turning:
-            lag = _lag(motor, grid, partial(goes, way=way) if way else torque, moved, stiffness)
+            """A crank that goes this way, however slowly; 0: either."""
+
+            def needed(moving: Turning) -> np.ndarray:
+                omega = way * np.maximum(way * moving.omega, slow) if way else moving.omega
+                return torque(Turning(moving.theta, omega, moving.alpha))
+
+            lag = _lag(motor, grid, needed, moved, stiffness)
             return Turning(here.theta - lag(time), here.omega - lag(time, 1), here.alpha - lag(time, 2))
 
         if np.abs(ways[1] - ways[0]).max() <= DRY * np.abs(ways).max():
