@@ -93,7 +93,7 @@ def fitted(kind: type[Counted]) -> tuple[list[Fit], int]:
     true = [t for t, _ in TRUTH]
     sets = [true, *([*true, term(label)] for label in BESIDE)]
     starts = [{t: np.zeros(len(t.effect.scales(rig, t.where))) for t in each} for each in sets]
-    fits = [fitter.likeliest({t: x + np.inf for t, x in start.items()}, [start], rough=0.0) for start in starts]
+    fits = [fitter.likeliest({t: x + np.inf for t, x in start.items()}, start, rough=0.0) for start in starts]
     return [fit for fit in fits if fit is not None], fitter.asked
 
 

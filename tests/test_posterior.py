@@ -239,7 +239,7 @@ def posterior_of(*truth: Planted, late: bool = False) -> Posterior:
     """Of what the rig's sensors read, simulated by another engine."""
     measured = played(experiment(*RUNS, sensors=NOISE), *truth)
     problem = Problem.of(measured, four_bar(), Options("mujoco", others=False, workers=1))
-    return Inference(problem.fitter, problem.base, problem.sought, lambda: late).posterior()
+    return Inference(problem.fitter, problem.base, problem.sought, lambda: late).search().posterior()
 
 
 def diagnosed(*truth: Planted, tolerance: dict[str, float] | None = None, exclude: tuple[str, ...] = ()) -> Diagnosis:

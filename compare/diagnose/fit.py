@@ -17,8 +17,8 @@ from compare.diagnose.residuals import Data
 STEP = 0.01  # of the noise (rms), by which a difference step may change the readings of free motions
 COARSE = 10.0  # times as large a step as wanted is still good enough
 REFINED = 4  # times
-# of chi^2: what a step may gain by leaps of single samples, in fits to be compared and in the last one
-LEAP, LAST_LEAP = 1.0, 0.05
+# of chi^2: what a step may gain in fits to be compared, and of those by leaps of single samples, and in the last one
+COMPARED, LEAP, LAST_LEAP = 0.1, 1.0, 0.05
 # of a value that leaps, from where its descent ends again
 NEARBY = (0.6, 0.7, 0.75, 0.8, 0.88, 0.94, 0.97, 0.98, 0.99, 1.01, 1.02, 1.03, 1.06, 1.13, 1.25, 1.4, 1.6)
 
@@ -137,16 +137,26 @@ class Fitter:
         return self._fit(key, self._within(key, [np.array(start[t], float) for t in key]))
 
     def likeliest(
-        self, sizes: Mapping[Term, np.ndarray], starts: Sequence[Mapping[Term, np.ndarray]], rough: float = ROUGHLY
+        self,
+        sizes: Mapping[Term, np.ndarray],
+        start: Mapping[Term, np.ndarray],
+        rough: float = ROUGHLY,
+        beside: Fit | None = None,
     ) -> Fit | None:
-        """The fit of terms that are of about these sizes (1 sigma of each coordinate; infinite: any), from the start
-        with the smallest residual; None where none is possible.
+        """The fit of terms that are of about these sizes (1 sigma of each coordinate; infinite: any) from a start; None
+        where none is possible.  It ends early where no straight line leads below one ``beside`` it, from another start.
         """
         key = _sorted(sizes)
+        point = self._within(key, [np.array(start[t], float) for t in key])
+        size = joined([sizes[t] for t in key])
+        beaten = np.inf if beside is None else beside.chi2 + float(np.sum((joined(beside.x) / size) ** 2))
+        return self._fit(key, point, rough=rough, size=size, beaten=beaten)
+
+    def nearest(self, starts: Sequence[Mapping[Term, np.ndarray]]) -> int:
+        """Which of some starts of the same terms leaves least."""
+        key = _sorted(starts[0])
         points = [self._within(key, [np.array(start[t], float) for t in key]) for start in starts]
-        tried = self.residuals(key, points) if len(points) > 1 else [np.zeros(1)]
-        best = int(np.argmin([np.inf if r is None else float(r @ r) for r in tried]))
-        return self._fit(key, points[best], rough=rough, size=joined([sizes[t] for t in key]))
+        return _least(self.residuals(key, points)) if len(points) > 1 else 0
 
     def _within(self, terms: Sequence[Term], x: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Coordinates moved within their bounds."""
@@ -168,8 +178,7 @@ class Fitter:
             if term.effect.leaps:
                 starts += [[x * share if i == k else x for i, x in enumerate(fit.x)] for share in NEARBY]
         tried = self.residuals(fit.terms, starts) if len(starts) > 1 else [fit.residual]
-        sizes = [np.inf if r is None else float(r @ r) for r in tried]
-        return dict(zip(fit.terms, starts[int(np.argmin(sizes))], strict=True))
+        return dict(zip(fit.terms, starts[_least(tried)], strict=True))
 
     def _fit(
         self,
@@ -178,6 +187,7 @@ class Fitter:
         steps: int = STEPS,
         rough: float = ROUGHLY,
         size: np.ndarray | None = None,
+        beaten: float = np.inf,
     ) -> Fit | None:
         """The fit from a start; ``size`` is how large (1 sigma) coordinates (n,) are expected to be, None: any."""
         space, n = Space(terms, self.rig, self.bounds), self.data.size
@@ -190,10 +200,10 @@ class Fitter:
             columns = self.jacobian(space, point, here[:n])
             return columns if size is None else np.vstack([columns, np.diag(1 / size)])
 
-        settled = (LEAP if rough else LAST_LEAP) if any(t.effect.leaps for t in terms) else SETTLED
-        found = Descent(residual, jacobian, space.low, space.high, space.scale, space.group, rough, settled).from_point(
-            joined(x), steps
-        )
+        leaps = any(t.effect.leaps for t in terms)
+        settled = (LEAP if leaps else COMPARED) if rough else LAST_LEAP if leaps else SETTLED
+        edges = space.low, space.high, space.scale, space.group
+        found = Descent(residual, jacobian, *edges, rough, settled, beaten).from_point(joined(x), steps)
         if found is None:
             return None
         return Fit(terms, tuple(space.parted(found.point)), found.residual[:n], found.jacobian[:n], found.bound)
@@ -264,6 +274,11 @@ class Fitter:
             if residual is not None:
                 columns[:, k] = (residual - here) / length
         return columns
+
+
+def _least(residuals: Sequence[np.ndarray | None]) -> int:
+    """Which of some residuals is least; None is more than any."""
+    return int(np.argmin([np.inf if r is None else float(r @ r) for r in residuals]))
 
 
 def _sorted(terms: Iterable[Term]) -> tuple[Term, ...]:

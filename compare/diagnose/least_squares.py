@@ -55,6 +55,7 @@ class Descent:
     group: np.ndarray
     rough: float = 0.0  # share of the excess below which a decrease does not matter
     settled: float = SETTLED  # decrease below which nothing is left to gain
+    beaten: float = np.inf  # sum of squares that is reached already: what would end above it is left
 
     def from_point(self, start: np.ndarray, steps: int = STEPS) -> Minimum | None:
         """The minimum that is reached from a start (n,), moved within the bounds; None where that is impossible."""
@@ -84,6 +85,8 @@ class Descent:
         )
         trial = self.point + step
         expected = self._squares - float(np.sum((self.residual + self.slopes @ (trial - self.point)) ** 2))
+        if self.damping == 0 and self._squares - expected > self.beaten:
+            return self._renewed()
         least = self.settled if self.reluctance == RELUCTANCE else SHOWN
         if expected < max(least, self.rough * (self._squares - self.residual.size)):
             return self._renewed() or self._less_reluctant()

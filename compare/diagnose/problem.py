@@ -308,31 +308,42 @@ class Problem:
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
-        found = self.posterior(self.data)
+        searched = self.searched(self.data)
         for _ in range(RECOLOURED):
-            if self.options.late() or not self.coloured(found.judged):
+            if self.options.late() or not self.coloured(searched.judged):
                 break
-            found = self.posterior(self.data, found)
-        shift = np.zeros(self.data.size)
-        for _ in range(REFITS):
-            difference = None if self.options.late() else self.difference(found.judged)
-            if difference is None or self.largest_rms(difference - shift) < EQUIVALENT:
-                break
-            closed = not shift.any() and closes(found.judge.data, found.judged)
-            if not shift.any():
-                self.note_difference(self.largest_rms(difference), closed)
-            found = (
-                found.shifted(difference - shift) if closed else self.posterior(self.data.shifted(difference), found)
-            )
-            shift = difference
+            searched = self.searched(self.data, searched)
+        found = self.concluded(searched, np.zeros(self.data.size))
         self.note_colours()
         self.inference = found
         self.complete = not self.options.late()
         return explained(found, self.base, self.options.late)
 
-    def posterior(self, data: Data, before: Posterior | None = None) -> Posterior:
-        """The posterior over sets of effects in these data, from the best of another one; without, of free runs in
-        pieces first.
+    def concluded(self, searched: Inference, shift: np.ndarray) -> Posterior:
+        """The posterior of what was searched for, in data less what the chosen engine differs by; ``shift`` (size,) was
+        taken off before.
+        """
+        found: Posterior | None = None
+        for _ in range(REFITS):
+            fit = (found or searched).judged
+            difference = None if self.options.late() else self.difference(fit)
+            if difference is None or self.largest_rms(difference - shift) < EQUIVALENT:
+                break
+            closed = not shift.any() and closes(searched.judge.data, fit)
+            if not shift.any():
+                self.note_difference(self.largest_rms(difference), closed)
+            if closed:
+                found = searched.posterior().shifted(difference)
+            else:
+                found, searched = None, self.searched(self.data.shifted(difference), searched)
+            shift = difference
+        best = searched.best.keys
+        found = found or searched.posterior()
+        return found if searched.best.keys == best else self.concluded(searched, shift)
+
+    def searched(self, data: Data, before: Inference | None = None) -> Inference:
+        """The likeliest sets of effects in these data, from the best of other ones; without, of free runs in pieces
+        first.
         """
         fitter = Fitter(self.model, data, self.rig, self.fitter.bounds)
         base, late = fitter.again(self.base) or self.base, self.options.late
@@ -341,7 +352,7 @@ class Problem:
             starts = dict(zip(self.base.terms, self.base.x, strict=True))
             begun = first_fit(fitter, starts, self.sought, late)
             first = [] if begun is None else [begun]
-        return Inference(fitter, base, self.sought, late, before, self.tell).posterior(first)
+        return Inference(fitter, base, self.sought, late, before, self.tell).search(first)
 
     def tell(self, said: str) -> None:
         """Say what the search is at."""

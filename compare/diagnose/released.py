@@ -74,13 +74,13 @@ def first_fit(fitter: Fitter, starts: Starts, sought: Sequence[Term], late: Call
     """
     now = in_pieces(fitter, starts)
     base = fitter.fit(list(now), now) if now.keys() != starts.keys() else None
-    found = None if base is None else Inference(fitter, base, sought, late).likeliest()
+    found = None if base is None else Inference(fitter, base, sought, late).search().best
     while found is not None and not late():
         x = dict(zip(found.fit.terms, found.fit.x, strict=True))
         effects = {found.fit.terms[i]: found.fit.x[i] for i in found.fit.named()}
         now = longer({t: start for t, start in x.items() if t not in effects})
         sizes = {t: found.sizes[t] for t in effects} | {t: np.full(start.size, np.inf) for t, start in now.items()}
-        fit = fitter.likeliest(sizes, [effects | dict(now)])
+        fit = fitter.likeliest(sizes, effects | dict(now))
         if all(t.variant <= 1 for t in now):
             return fit
         if fit is not None and rms(fit.residual) <= CLOSED:
@@ -88,5 +88,5 @@ def first_fit(fitter: Fitter, starts: Starts, sought: Sequence[Term], late: Call
             continue
         base = fitter.fit(list(now), now)
         begun = [] if fit is None else [fit]
-        found = None if base is None else Inference(fitter, base, sought, late).likeliest(begun)
+        found = None if base is None else Inference(fitter, base, sought, late).search(begun).best
     return None

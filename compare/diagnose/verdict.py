@@ -120,7 +120,7 @@ def refitted(found: Posterior, base: Fit, fit: Fit, kept: Collection[Term]) -> t
     """The fit of some of a fit's effects, and the same where samples count alike."""
     now = dict(zip(fit.terms, fit.x, strict=True))
     terms = [t for t in fit.terms if t in base.terms or t in kept]
-    best = found.fitter.likeliest({t: found.best.sizes[t] for t in terms}, [{t: now[t] for t in terms}])
+    best = found.fitter.likeliest({t: found.best.sizes[t] for t in terms}, {t: now[t] for t in terms})
     if best is None:
         return found.fitter.again(base) or base, base
     return best, at_judge(found, best)

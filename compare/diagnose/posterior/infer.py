@@ -106,7 +106,7 @@ class Posterior:
 
         fitter, judge = moved(self.fitter), moved(self.judge)
         fit = self.best.fit
-        fit = fitter.likeliest(self.best.sizes, [dict(zip(fit.terms, fit.x, strict=True))], rough=0.0) or fit
+        fit = fitter.likeliest(self.best.sizes, dict(zip(fit.terms, fit.x, strict=True)), rough=0.0) or fit
         judged = judge.again(fit) or fit
         best = replace(self.best, fit=fit)
         return replace(self, best=best, fitter=fitter, judged=judged, judge=judge, plain=moved(self.plain))
@@ -155,7 +155,7 @@ class Inference:
         base: Fit,
         sought: Sequence[Term],
         late: Callable[[], bool] = lambda: False,
-        before: Posterior | None = None,
+        before: Inference | None = None,
         tell: Callable[[str], None] = lambda said: None,
     ) -> None:
         self.plain, self.fitter, self.base, self.sought = fitter, fitter, base, sought
@@ -163,12 +163,13 @@ class Inference:
         self.prior = Prior.of(fitter.rig, fitter.bounds, sought, fitter.data.measured.prior)
         # signatures over each sample's noise alone, which stay true in other colours
         self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
-        self.surveyed: Surveyed | None = None
-        if before is not None:
-            about = before.surveyed.about
-            there = fitter.again(about)
-            self.surveyed = None if there is None else replace(before.surveyed, about=there)
         self.weighed: dict[Names, Weighed] = {}
+        # where fits of sets ended, in whatever noise
+        self.ended: dict[Names, Mapping[Term, np.ndarray]] = {} if before is None else before.ended
+        self.surveyed: Surveyed | None = None
+        if before is not None and before.surveyed is not None:
+            there = fitter.again(before.surveyed.about)
+            self.surveyed = None if there is None else replace(before.surveyed, about=there)
         self.workmanship = 0.0
         self.foretold: np.ndarray | None = None  # of samples, as how much those count that nothing foretells
         self.counted = [np.ones(fitter.data.size)]  # how much samples did, now at last
@@ -178,16 +179,30 @@ class Inference:
         """How much samples count (size,)."""
         return self.counted[-1]
 
-    def posterior(self, first: Sequence[Fit] = ()) -> Posterior:
-        """The posterior; ``first`` are fits that may be near the best."""
-        return self._concluded(*self._found(first))
-
-    def likeliest(self, first: Sequence[Fit] = ()) -> Weighed:
-        """The best set, from which to begin in other data: how probable others are is not looked into."""
-        self._found(first)
+    @property
+    def best(self) -> Weighed:
+        """The best of the sets that were fitted in full, so far."""
         return max(self.weighed.values(), key=lambda w: w.log)
 
-    def _found(self, first: Sequence[Fit] = ()) -> tuple[Compressed, dict[float, Sets]]:
+    @property
+    def judge(self) -> Fitter:
+        """Fits where samples count alike and an unknown is no noise."""
+        data = self._noise(self.compressed, self.workmanship)
+        return Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds)
+
+    @property
+    def judged(self) -> Fit:
+        """The best fit so far, as the judge has it."""
+        return self.judge.again(self.best.fit) or self.best.fit
+
+    def search(self, first: Sequence[Fit] = ()) -> Inference:
+        """Look for the best set, about which other data may be begun or the posterior concluded; ``first`` are fits
+        that may be near it.
+        """
+        self.compressed, self.layers = self._found(first)
+        return self
+
+    def _found(self, first: Sequence[Fit]) -> tuple[Compressed, dict[float, Sets]]:
         """The linear problem about the best set, and the sets that were looked at, by size of errors everywhere."""
         fit, names = self.base, Names()
         for begun in first:
@@ -209,7 +224,7 @@ class Inference:
                 self._weigh(compressed, sets, chosen, fit)
             if self.late() or k == ROUNDS - 1:
                 break
-            best = max(self.weighed.values(), key=lambda w: w.log)
+            best = self.best
             stable = best.names == names and not new
             fit, names = self._in_plain(best), best.names
             if self._spares(compressed, fit):
@@ -219,7 +234,7 @@ class Inference:
                 left = self._noise(compressed, self.workmanship, unknown=best.unknown).seen_beside(fit.residual)
                 if not self._counted(compressed, self._weights(left)) and thorough:
                     self._doubt(compressed, sets, fit)
-                    better = max(self.weighed.values(), key=lambda w: w.log)
+                    better = self.best
                     if better.names == names:
                         break
                     fit, names = self._in_plain(better), better.names
@@ -450,11 +465,16 @@ class Inference:
         tried += [starts | other] if other else []
         tried += [starts | dict(zip(self.base.terms, self.base.x, strict=True))] if always else []
         fitter = self._fitter(compressed, unknown) if unknown.size else self.fitter
-        fits = [fitter.likeliest(sizes, each) for each in ([tried[:1], tried] if always else [tried])]
+        names = self._named(compressed, chosen)
+        tried += [self.ended[names]] if names in self.ended else []
+        nearest = fitter.nearest(tried)
+        fits = [fitter.likeliest(sizes, tried[nearest])]
+        if always and nearest and names not in self.ended:
+            fits += [fitter.likeliest(sizes, starts, beside=fits[0])]
         fit = max((fit for fit in fits if fit is not None), key=lambda fit: self._evidence(fit, sizes), default=None)
         if fit is None:
             return
-        names = self._named(compressed, chosen)
+        self.ended[names] = dict(zip(fit.terms, fit.x, strict=True))
         log = sum(g.log_odds for g in groups) + sum(WIDTH_ODDS[widths[i]] for i in chosen)
         log += 0.0 if chosen else Prior.nothing(np.array([g.log_odds for g in compressed.groups]))
         log += self._evidence(fit, sizes) - (fitter.data.log_volume - self.fitter.data.log_volume) / 2
@@ -500,15 +520,18 @@ class Inference:
 
     # ---------------------------------------------------------------- conclusion
 
-    def _concluded(self, compressed: Compressed, layers: Mapping[float, Sets]) -> Posterior:
-        best = max(self.weighed.values(), key=lambda w: w.log)
+    def posterior(self) -> Posterior:
+        """What the data make of all sets, when they were looked for: what may share the probability of the best one is
+        fitted in full.
+        """
+        compressed, layers, best = self.compressed, self.layers, self.best
         for each in layers.values():
             each.survey(each.best()[0])
         self._weigh_rivals(compressed, layers[self.workmanship], self._in_plain(best), best)
         logs = self._logs(compressed, layers)
         while not self.late() and self._weigh_likely(compressed, layers[self.workmanship], logs):
             logs = self._logs(compressed, layers)
-        best = max(self.weighed.values(), key=lambda w: w.log)
+        best = self.best
         sets = probabilities(logs)
 
         def right(weighed: Weighed) -> float:
@@ -516,13 +539,13 @@ class Inference:
             return sum(share * (2 * len(keys & weighed.keys) - len(weighed.keys)) for keys, share in sets.items())
 
         best = max((w for w in self.weighed.values() if w.log > best.log - EVEN), key=right)
-        judge = Fitter(self.plain.model, self._noise(compressed, self.workmanship), self.plain.rig, self.plain.bounds)
+        judge = self.judge
         start = judge.nearby(best.fit)
         if self.foretold is not None:  # a landing moves with the gap, and then tells how large that is
             self.counted.append(self.counted[-1] / self.foretold)
             self.foretold = None
         fitter = self._fitter(compressed, best.unknown)
-        best = replace(best, fit=fitter.likeliest(best.sizes, [start], rough=0.0) or best.fit)
+        best = replace(best, fit=fitter.likeliest(best.sizes, start, rough=0.0) or best.fit)
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         judged = judge.at(best.fit.terms, x) or best.fit
         errors = compressed.slight * self.workmanship
@@ -547,8 +570,7 @@ class Inference:
         chosen = {self._named(compressed, each): each for each in sets.known}
         if likely in self.weighed or likely not in chosen:
             return False
-        about = max(self.weighed.values(), key=lambda w: w.log)
-        self._weigh(compressed, sets, chosen[likely], self._in_plain(about))
+        self._weigh(compressed, sets, chosen[likely], self._in_plain(self.best))
         return likely in self.weighed
 
     def _logs(self, compressed: Compressed, layers: Mapping[float, Sets]) -> dict[Names, float]:
@@ -556,7 +578,7 @@ class Inference:
         those that were fitted in full as they then stand against the best, whatever that size; of others by the linear
         problem, corrected as the largest set in them that was fitted in full.
         """
-        best = max(self.weighed.values(), key=lambda w: w.log)
+        best = self.best
         logs: dict[Names, list[float]] = {}
         for size, sets in layers.items():
             for chosen, log in sets.known.items():
