@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -34,6 +34,13 @@ class TimeFunction(Protocol):
     def __call__(self, time: np.ndarray, order: int = 0, /) -> np.ndarray: ...
 
 
+@runtime_checkable
+class Moved(TimeFunction, Protocol):
+    """One that tells position, rate and acceleration (N,) together sooner than one after the other."""
+
+    def moved(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+
+
 @dataclass(frozen=True)
 class Motor:
     """A motor's motion: at a constant speed, whose command a ripple may disturb, or along a course."""
@@ -44,7 +51,10 @@ class Motor:
     def at(self, time: np.ndarray) -> Turning:
         """The motor at times (N,) s."""
         course = self.command.positions if isinstance(self.command, Steady) else self.command
-        command = Turning(course(time), course(time, 1), course(time, 2))
+        if isinstance(course, Moved):
+            command = Turning(*course.moved(time))
+        else:
+            command = Turning(course(time), course(time, 1), course(time, 2))
         if self.ripple is None:
             return command
         a, h = self.ripple.amplitude, self.ripple.harmonic

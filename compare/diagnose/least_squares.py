@@ -94,7 +94,8 @@ class Descent:
         gained = -np.inf if new is None else self._squares - float(new @ new)
         if new is None or gained <= 0:
             return self._renewed() or self._damped()
-        self.point, self.residual, self.stale = trial, new, True
+        self.point, self.residual = trial, new
+        self.stale = not self.rough or abs(gained - expected) > self.settled
         self.damping = 0.0 if self.damping < FIRST_DAMPING else self.damping / 10
         if gained < AS_FORETOLD * expected:
             self._renew()

@@ -246,10 +246,11 @@ class Model:
         samples.
         """
         runs = [self.measured.runs[r] for r, _ in asked]
-        keys = [
-            (r, age, misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within(hypothesis, run.name))
-            for (r, age), run in zip(asked, runs, strict=True)
-        ]
+        told = {
+            r: (misread(run, hypothesis, self.rig), jitter_of(run, hypothesis), within(hypothesis, run.name))
+            for r, run in dict(zip((r for r, _ in asked), runs, strict=True)).items()
+        }
+        keys = [(r, age, *told[r]) for r, age in asked]
         found = {key: kept for key in keys if (kept := self._kept.get(key)) is not None}
         new = [(key, run) for key, run in zip(keys, runs, strict=True) if key not in found]
         for loads, effects in dict.fromkeys((run.loads, key[-1]) for key, run in new):

@@ -84,6 +84,21 @@ class SmoothCourse:
         waves = _waves(self.turn, at, self.waves.size // 2, order)
         return np.asarray((_beyond(self.spline, at, order) + waves @ self.waves) / self.step**order)
 
+    def moved(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The angle (N,) rad at times (N,) s, its rate and its acceleration."""
+        at = (np.asarray(time, float) - self.start) / self.step
+        angle, rate, bend = (_beyond(self.spline, at, order) for order in range(3))
+        if self.waves.size:
+            turn, turned, bent = (_beyond(self.turn, at, order) for order in range(3))
+            n = np.arange(1, self.waves.size // 2 + 1)
+            spin = np.exp(1j * np.multiply.outer(n, turn))  # a cos + b sin = Re (a - ib) exp(i turn)
+            wave, slope, curve = (
+                (self.waves[::2] - 1j * self.waves[1::2]) * (1j * n) ** order @ spin for order in range(3)
+            )
+            angle, rate = angle + wave.real, rate + slope.real * turned
+            bend = bend + curve.real * turned**2 + slope.real * bent
+        return angle, rate / self.step, bend / self.step**2
+
 
 def _beyond(spline: BSpline, at: np.ndarray, order: int) -> np.ndarray:
     """A spline or its derivative (up to the second), continued as a parabola."""

@@ -16,7 +16,8 @@ from compare.diagnose.effects.each_run import EachRun
 from compare.diagnose.effects.effect import Draw, Effect, Growth, Hiding, Parameter, Readings, Rig, Values, Wave
 
 HARMONICS = range(1, 25)  # of an encoder's error over a turn
-NEWTON = 6  # steps
+NEWTON = 6  # steps, at most
+FOUND = 1e-9  # rad, of a step: the next one is rounding
 
 
 class OfSignal(EachRun):
@@ -113,9 +114,10 @@ class EncoderHarmonic(Wave):
         theta = read.theta
         for _ in range(NEWTON):
             turned = harmonic * theta + phase
-            slope = 1 + amplitude * harmonic * np.cos(turned)
-            theta = theta - (theta + amplitude * np.sin(turned) - read.theta) / slope
-            theta = np.clip(theta, read.theta - amplitude, read.theta + amplitude)
+            step = (theta + amplitude * np.sin(turned) - read.theta) / (1 + amplitude * harmonic * np.cos(turned))
+            theta = np.clip(theta - step, read.theta - amplitude, read.theta + amplitude)
+            if np.abs(step).max(initial=0.0) < FOUND:
+                break
         turned = harmonic * theta + phase
         slope, bend = 1 + amplitude * harmonic * np.cos(turned), -amplitude * harmonic**2 * np.sin(turned)
         omega = read.omega / slope
