@@ -308,11 +308,16 @@ class Problem:
         if self.overstated:
             self.complete = not self.options.late()
             return self.quiet()
-        searched = self.searched(self.data)
+        begun = self.begin_search(self.data)
+        if not self.base.terms and self.coloured(begun.left):  # what no effect explains tells of the noise first
+            begun = self.begin_search(self.data, begun)
+        searched = self.searched(begun)
         for _ in range(RECOLOURED):
-            if self.options.late() or not self.coloured(searched.judged):
+            if self.options.late() or not self.coloured(
+                self.data.coloured({}).residual(self.analytic(searched.judged))
+            ):
                 break
-            searched = self.searched(self.data, searched)
+            searched = self.searched(self.begin_search(self.data, searched), searched)
         found = self.concluded(searched, np.zeros(self.data.size))
         self.note_colours()
         self.inference = found
@@ -335,24 +340,28 @@ class Problem:
             if closed:
                 found = searched.posterior().shifted(difference)
             else:
-                found, searched = None, self.searched(self.data.shifted(difference), searched)
+                shifted = self.begin_search(self.data.shifted(difference), searched)
+                found, searched = None, self.searched(shifted, searched)
             shift = difference
         best = searched.best.keys
         found = found or searched.posterior()
         return found if searched.best.keys == best else self.concluded(searched, shift)
 
-    def searched(self, data: Data, before: Inference | None = None) -> Inference:
-        """The likeliest sets of effects in these data, from the best of other ones; without, of free runs in pieces
-        first.
-        """
+    def begin_search(self, data: Data, before: Inference | None = None) -> Inference:
+        """The way to the posterior of these data, with what is known from others."""
         fitter = Fitter(self.model, data, self.rig, self.fitter.bounds)
-        base, late = fitter.again(self.base) or self.base, self.options.late
+        return Inference(
+            fitter, fitter.again(self.base) or self.base, self.sought, self.options.late, before, self.tell
+        )
+
+    def searched(self, inference: Inference, before: Inference | None = None) -> Inference:
+        """The likeliest sets of effects, from the best of other data; without, of free runs in pieces first."""
         first = [] if before is None else [before.best.fit]
         if self.base.terms and before is None:
             starts = dict(zip(self.base.terms, self.base.x, strict=True))
-            begun = first_fit(fitter, starts, self.sought, late)
+            begun = first_fit(inference.plain, starts, self.sought, self.options.late)
             first = [] if begun is None else [begun]
-        return Inference(fitter, base, self.sought, late, before, self.tell).search(first)
+        return inference.search(first)
 
     def tell(self, said: str) -> None:
         """Say what the search is at."""
@@ -368,12 +377,11 @@ class Problem:
             " again."
         )
 
-    def coloured(self, fit: Fit) -> bool:
-        """Whether what a fit leaves is noise that is not white, of colours that were not known; from then on they
-        are.
+    def coloured(self, left: np.ndarray) -> bool:
+        """Whether what is left (size,) of the data, over white noise, is noise of unknown colours; then they are known
+        from now on.
         """
         plain = self.data.coloured({})
-        left = plain.residual(self.analytic(fit))
         if rms(left) <= CLOSED and not has_structure(plain, left):
             return False
         found = colours(plain, left)

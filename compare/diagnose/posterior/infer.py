@@ -195,6 +195,11 @@ class Inference:
         """The best fit so far, as the judge has it."""
         return self.judge.again(self.best.fit) or self.best.fit
 
+    @property
+    def left(self) -> np.ndarray:
+        """What all effects together leave (size,) of the nominal model's residual, as far as straight lines tell."""
+        return self.survey(self.base).left()
+
     def search(self, first: Sequence[Fit] = ()) -> Inference:
         """Look for the best set, about which other data may be begun or the posterior concluded; ``first`` are fits
         that may be near it.
