@@ -168,10 +168,15 @@ class Compressed:
         (i,) = np.flatnonzero(at == group.at[0])[-1:]
         return self._columns[i]
 
-    def left(self) -> np.ndarray:
-        """What all groups together leave (size,), each of about its natural size."""
+    def left(self, steady: bool = False) -> np.ndarray:
+        """What all groups together leave (size,), each of about its natural size; with ``steady`` all but those with a
+        harmonic of their own, one of which is near any hum.
+        """
         columns, residual = self._every[:, : self._count], -self._every[:, -1]
-        matrix = columns.T @ columns + np.eye(self._count)
+        if steady:
+            waving = [g.at for g in self.groups if g.term and any(p.discrete for p in g.term.effect.parameters)]
+            columns = np.delete(columns, np.concatenate([np.zeros(0, int), *waving]), axis=1)
+        matrix = columns.T @ columns + np.eye(columns.shape[1])
         return residual - columns @ np.linalg.solve(matrix, columns.T @ residual)
 
     def products(self, weights: np.ndarray) -> Callable[[float], Products]:

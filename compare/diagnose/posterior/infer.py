@@ -197,8 +197,10 @@ class Inference:
 
     @property
     def left(self) -> np.ndarray:
-        """What all effects together leave (size,) of the nominal model's residual, as far as straight lines tell."""
-        return self.survey(self.base).left()
+        """What all effects together leave (size,) of the nominal model's residual, as far as straight lines tell; not
+        those that turn at some harmonic.
+        """
+        return self.survey(self.base).left(steady=True)
 
     def search(self, first: Sequence[Fit] = ()) -> Inference:
         """Look for the best set, about which other data may be begun or the posterior concluded; ``first`` are fits
