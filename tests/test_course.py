@@ -246,6 +246,16 @@ def test_acceleration_is_found_inside_and_at_the_ends(kind: str) -> None:
     assert rms(found.theta - true.theta) < rms(values - true.theta)
 
 
+@pytest.mark.parametrize("samples", [60, 400], ids=["part of a turn", "turns"])
+def test_a_course_tells_angle_rate_and_acceleration_at_once_as_one_after_the_other(samples: int) -> None:
+    k, angle = turning(samples, 5.0)
+    course = Smoother(0.01 * k, angle + 3e-4 * np.random.default_rng(4).standard_normal(k.size)).course
+    assert bool(course.waves.size) == (samples > 60), "harmonics are of turns that repeat"
+    time = np.linspace(-0.02, 0.01 * samples, 501)
+    for order, values in enumerate(course.moved(time)):
+        assert values == pytest.approx(course(time, order), rel=1e-9, abs=1e-9)
+
+
 def test_a_course_goes_on_beyond_its_ends_with_the_acceleration_that_it_has_there() -> None:
     time, true = swings()
     course = Smoother(time, true.theta).course

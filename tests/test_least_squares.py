@@ -48,6 +48,7 @@ class ByScipy(Counted):
         steps: int = STEPS,
         rough: float = 0.0,
         size: np.ndarray | None = None,
+        beaten: float = np.inf,
     ) -> Fit | None:
         space, kept = Space(terms, self.rig, self.bounds), {}
 
@@ -60,7 +61,7 @@ class ByScipy(Counted):
         start = np.clip(joined(x), space.low, space.high)
         begin = residual(start)
         if not steps or not start.size or np.isnan(begin).any():
-            return super()._fit(terms, x, steps, rough, size)
+            return super()._fit(terms, x, steps, rough, size, beaten)
         found = least_squares(
             residual,
             start,
@@ -141,3 +142,38 @@ def test_no_steps_stay_where_they_start() -> None:
     found = line(wall=10.0).from_point(np.array([0.0, 0.5]), steps=0)
     assert found is not None
     assert found.point.tolist() == [0.0, 0.5]
+
+
+def valley(beaten: float = np.inf, rough: float = 0.0, bend: float = 0.0) -> tuple[Descent, list[np.ndarray]]:
+    """(x - 3 + bend x^2, 2): at best 4; and where its Jacobian was asked for."""
+    asked: list[np.ndarray] = []
+
+    def jacobian(point: np.ndarray, _: np.ndarray) -> np.ndarray:
+        asked.append(point)
+        return np.array([[1.0 + 2 * bend * point[0]], [0.0]])
+
+    def residual(point: np.ndarray) -> np.ndarray:
+        return np.array([point[0] - 3.0 + bend * point[0] ** 2, 2.0])
+
+    edges = np.full(1, -np.inf), np.full(1, np.inf), np.ones(1), np.zeros(1, int)
+    return Descent(residual, jacobian, *edges, rough, beaten=beaten), asked
+
+
+@pytest.mark.parametrize(("beaten", "ends"), [(3.9, 0.0), (4.1, 3.0), (np.inf, 3.0)])
+def test_it_is_left_where_no_straight_line_leads_below_what_is_reached_already(beaten: float, ends: float) -> None:
+    found = valley(beaten)[0].from_point(np.zeros(1))
+    assert found is not None
+    assert found.point == pytest.approx([ends], abs=5e-3)
+
+
+@pytest.mark.parametrize(("rough", "asked"), [(1e-3, 1), (0.0, 2)])
+def test_a_fit_to_be_compared_keeps_a_jacobian_that_foretold_its_steps(rough: float, asked: int) -> None:
+    descent, points = valley(rough=rough)
+    assert descent.from_point(np.zeros(1)) is not None
+    assert len(points) == asked
+
+
+def test_a_fit_to_be_compared_has_its_own_jacobian_if_the_last_one_foretold_too_little() -> None:
+    found = valley(rough=1e-3, bend=0.05)[0].from_point(np.zeros(1))
+    assert found is not None
+    assert found.jacobian[0, 0] == pytest.approx(1.0 + 0.1 * found.point[0], rel=0.01)
