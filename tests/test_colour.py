@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from compare.diagnose.colour import colours
+from compare.diagnose.problem import Options, Problem
 from compare.diagnose.residuals import Colour, Data
-from diagnosis_rigs import experiment
+from diagnosis_rigs import experiment, four_bar, played
 from tests.evidence.scoreboard.rigs import Experiment, Plan
 
 SPEED, SAMPLES = 12.0, 600  # rad/s; three turns at 382 Hz
@@ -134,3 +135,23 @@ def test_samples_of_coloured_noise_count_for_what_they_say_anew() -> None:
     assert np.abs(covariance - np.diag(np.diag(covariance))).max() < 0.08
     plain = data.coloured({})
     assert np.mean([np.mean(plain.residual(readings) ** 2) for _ in range(1)]) > 1.5, "they are not white as they stand"
+
+
+@pytest.mark.slow
+def test_hum_is_told_before_any_search_though_a_torque_that_repeats_would_explain_it() -> None:
+    """In both runs 50 Hz is at a harmonic of the crank."""
+    speeds = [2 * math.pi * 50 / harmonic for harmonic in (23, -17)]
+    plans = [Plan(f"{w:.3g}", w, 0.4, np.linspace(0.0, 8 * math.pi / abs(w), 700), None) for w in speeds]
+    measured = played(experiment(*plans, sensors={"crank_angle": 5e-4, "follower_angle": 5e-4, "drive_torque": 0.02}))
+    runs = []
+    for run in measured.runs:
+        torque = run.channels["drive_torque"]
+        humming = replace(torque, values=torque.values + 0.03 * np.sin(2 * np.pi * 50 * run.time + 0.3))
+        runs.append(replace(run, channels={**run.channels, "drive_torque": humming}))
+    problem = Problem.of(replace(measured, runs=tuple(runs)), four_bar(), Options("mujoco", others=False, workers=1))
+    begun = problem.begin_search(problem.data)
+    found = colours(problem.data, begun.left)
+    assert set(found) == {"drive_torque"}
+    assert found["drive_torque"].hum == (50.0,)
+    assert found["drive_torque"].amplitude == pytest.approx(1.5, rel=0.1), "of the noise"
+    assert colours(problem.data, begun.survey(begun.base).left()) == {}, "the torque that repeats explains it"
