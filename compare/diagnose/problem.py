@@ -309,15 +309,11 @@ class Problem:
             self.complete = not self.options.late()
             return self.quiet()
         begun = self.begin_search(self.data)
-        if not self.base.terms and self.coloured(begun.left):  # what no effect explains tells of the noise first
-            begun = self.begin_search(self.data, begun)
-        searched = self.searched(begun)
-        for _ in range(RECOLOURED):
-            if self.options.late() or not self.coloured(
-                self.data.coloured({}).residual(self.analytic(searched.judged))
-            ):
-                break
-            searched = self.searched(self.begin_search(self.data, searched), searched)
+        if not self.base.terms:  # the noise first: as what no effect explains tells of it, then the best set nearby
+            if self.coloured(begun.left):
+                begun = self.begin_search(self.data, begun)
+            begun = self.recoloured(begun.search(far=False), far=False)
+        searched = self.recoloured(self.searched(begun), far=True)
         found = self.concluded(searched, np.zeros(self.data.size))
         self.note_colours()
         self.inference = found
@@ -341,7 +337,7 @@ class Problem:
                 found = searched.posterior().shifted(difference)
             else:
                 shifted = self.begin_search(self.data.shifted(difference), searched)
-                found, searched = None, self.searched(shifted, searched)
+                found, searched = None, shifted.search([searched.best.fit])
             shift = difference
         best = searched.best.keys
         found = found or searched.posterior()
@@ -354,14 +350,22 @@ class Problem:
             fitter, fitter.again(self.base) or self.base, self.sought, self.options.late, before, self.tell
         )
 
-    def searched(self, inference: Inference, before: Inference | None = None) -> Inference:
-        """The likeliest sets of effects, from the best of other data; without, of free runs in pieces first."""
-        first = [] if before is None else [before.best.fit]
-        if self.base.terms and before is None:
-            starts = dict(zip(self.base.terms, self.base.x, strict=True))
-            begun = first_fit(inference.plain, starts, self.sought, self.options.late)
-            first = [] if begun is None else [begun]
-        return inference.search(first)
+    def searched(self, begun: Inference) -> Inference:
+        """The likeliest sets of effects, from the best so far; without, of free runs in pieces first."""
+        if begun.weighed:
+            return begun.search([begun.best.fit])
+        starts = dict(zip(self.base.terms, self.base.x, strict=True))
+        first = first_fit(begun.plain, starts, self.sought, self.options.late)
+        return begun.search([] if first is None else [first])
+
+    def recoloured(self, searched: Inference, far: bool) -> Inference:
+        """What was searched for, in noise of the colours that its best set leaves, until they stay."""
+        for _ in range(RECOLOURED):
+            left = self.data.coloured({}).residual(self.analytic(searched.judged))
+            if self.options.late() or not self.coloured(left):
+                break
+            searched = self.begin_search(self.data, searched).search([searched.best.fit], far)
+        return searched
 
     def tell(self, said: str) -> None:
         """Say what the search is at."""

@@ -202,21 +202,18 @@ class Inference:
         """
         return self.survey(self.base).left(steady=True)
 
-    def search(self, first: Sequence[Fit] = ()) -> Inference:
+    def search(self, first: Sequence[Fit] = (), far: bool = True) -> Inference:
         """Look for the best set, about which other data may be begun or the posterior concluded; ``first`` are fits
-        that may be near it.
+        that may be near it.  Not ``far``, it ends where the steps from set to set that are nearest lead no further.
         """
-        self.compressed, self.layers = self._found(first)
+        self.compressed, self.layers = self._found(first, far)
         return self
 
-    def _found(self, first: Sequence[Fit]) -> tuple[Compressed, dict[float, Sets]]:
+    def _found(self, first: Sequence[Fit], far: bool) -> tuple[Compressed, dict[float, Sets]]:
         """The linear problem about the best set, and the sets that were looked at, by size of errors everywhere."""
-        fit, names = self.base, Names()
-        for begun in first:
-            again = self.plain.again(begun)
-            if again is not None and again.chi2 < fit.chi2:
-                fit, names = again, self._names(again)
-        fit, names = self._leapt(fit, names)
+        again = [fit for begun in first if (fit := self.plain.again(begun)) is not None]
+        fit = min([self.base, *again], key=lambda fit: fit.chi2)
+        fit, names = self._leapt(fit, self._names(fit))
         likely: set[Name] = set()
         thorough = False
         for k in range(ROUNDS):
@@ -236,7 +233,10 @@ class Inference:
             fit, names = self._in_plain(best), best.names
             if self._spares(compressed, fit):
                 continue
-            if stable or (k >= PLAIN and not thorough):
+            settled = stable or (k >= PLAIN and not thorough)
+            if settled and not far:
+                break
+            if settled:
                 # what the best set leaves counts as noise, as large and as slow as it is, and sets are looked at again
                 left = self._noise(compressed, self.workmanship, unknown=best.unknown).seen_beside(fit.residual)
                 if not self._counted(compressed, self._weights(left)) and thorough:
