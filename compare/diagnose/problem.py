@@ -309,10 +309,11 @@ class Problem:
             self.complete = not self.options.late()
             return self.quiet()
         begun = self.begin_search(self.data)
-        if not self.base.terms:  # the noise first: as what no effect explains tells of it, then the best set nearby
+        if not self.base.terms:  # noise first: what no effect explains tells of it, or what the best set nearby leaves
             if self.coloured(begun.left):
                 begun = self.begin_search(self.data, begun)
-            begun = self.recoloured(begun.search(far=False), far=False)
+            else:
+                begun = self.recoloured(begun.search(far=False), far=False)
         searched = self.recoloured(self.searched(begun), far=True)
         found = self.concluded(searched, np.zeros(self.data.size))
         self.note_colours()
@@ -351,9 +352,9 @@ class Problem:
         )
 
     def searched(self, begun: Inference) -> Inference:
-        """The likeliest sets of effects, from the best so far; without, of free runs in pieces first."""
-        if begun.weighed:
-            return begun.search([begun.best.fit])
+        """The likeliest sets of effects, from the best so far, if there is one; of free runs in pieces first."""
+        if not self.base.terms:
+            return begun.search([begun.best.fit] if begun.weighed else [])
         starts = dict(zip(self.base.terms, self.base.x, strict=True))
         first = first_fit(begun.plain, starts, self.sought, self.options.late)
         return begun.search([] if first is None else [first])
