@@ -9,10 +9,9 @@ import numpy as np
 
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.intervals import Covariance, covariance
-from compare.diagnose.posterior.infer import Posterior
+from compare.diagnose.posterior.infer import TOLD_FROM, Posterior
 
 NOTHING = 1e-6  # of a coordinate's scale
-TOLD_FROM = 0.01  # probability: a less probable set moves a 95 % band by less than its own standard deviation
 Keys = frozenset[tuple[str, str]]
 
 

@@ -24,6 +24,7 @@ from compare.diagnose.explanation import (
 )
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.intervals import Interval, covariance, intervals
+from compare.diagnose.least_squares import ROUGHLY
 from compare.diagnose.left_out import foretold, held_out
 from compare.diagnose.noise import rms
 from compare.diagnose.posterior.infer import Posterior, Weighed
@@ -113,14 +114,16 @@ def fallen(found: Posterior, base: Fit, standing: Standing, fell: Sequence[tuple
     if not fell:
         return standing
     kept = [t for t in standing.named if t not in {term for term, _ in fell}]
-    return Standing(*refitted(found, base, standing.fit, kept), (*standing.fell, *fell))
+    return Standing(*refitted(found, base, standing.fit, kept, rough=0.0), (*standing.fell, *fell))
 
 
-def refitted(found: Posterior, base: Fit, fit: Fit, kept: Collection[Term]) -> tuple[Fit, Fit]:
-    """The fit of some of a fit's effects, and the same where samples count alike."""
+def refitted(found: Posterior, base: Fit, fit: Fit, kept: Collection[Term], rough: float = ROUGHLY) -> tuple[Fit, Fit]:
+    """The fit of some of a fit's effects, and the same where samples count alike; one whose values are said is not
+    ``rough``.
+    """
     now = dict(zip(fit.terms, fit.x, strict=True))
     terms = [t for t in fit.terms if t in base.terms or t in kept]
-    best = found.fitter.likeliest({t: found.best.sizes[t] for t in terms}, {t: now[t] for t in terms})
+    best = found.fitter.likeliest({t: found.best.sizes[t] for t in terms}, {t: now[t] for t in terms}, rough)
     if best is None:
         return found.fitter.again(base) or base, base
     return best, at_judge(found, best)

@@ -31,6 +31,7 @@ EVEN = 1.0  # log: of sets as probable as the best, but for this, the one is tol
 ALIKE = 0.1  # of a weight, that makes no difference
 LAYER = 8.0  # log: sizes of errors everywhere that are less probable by more are left aside
 NEAR_BEST = 12.0  # log: what is in no set that is within this of the best keeps its first signature
+TOLD_FROM = 0.01  # probability of a set: a less probable one moves a 95 % band by less than its own standard deviation
 NEXT_TO_NOTHING = 1e-4  # of a sample
 STRAYED = 0.3  # of the noise (rms), by which a fit may move before signatures are taken anew
 Names = frozenset[Name]
@@ -556,11 +557,17 @@ class Inference:
         x = dict(zip(best.fit.terms, best.fit.x, strict=True))
         judged = judge.at(best.fit.terms, x) or best.fit
         errors = compressed.slight * self.workmanship
-        fitted = list(self.weighed.values())
+        fitted = [self._exact(compressed, w) if sets[w.keys] >= TOLD_FROM else w for w in self.weighed.values()]
         odds = [group.log_odds for group in compressed.groups if group.name in best.names]
         evidence = sum(odds) + self._evidence(judged, best.sizes) - judge.data.log_volume / 2
         assert self.surveyed is not None
         return Posterior(best, fitter, judged, judge, self.plain, sets, fitted, evidence, errors, self.surveyed)
+
+    def _exact(self, compressed: Compressed, weighed: Weighed) -> Weighed:
+        """A set whose values are said, not only compared."""
+        start = dict(zip(weighed.fit.terms, weighed.fit.x, strict=True))
+        fit = self._fitter(compressed, weighed.unknown).likeliest(weighed.sizes, start, rough=0.0)
+        return replace(weighed, fit=fit or weighed.fit)
 
     def _weigh_rivals(self, compressed: Compressed, sets: Sets, about: Fit, best: Weighed) -> None:
         """Fit in full what would share the best set's probability, as far as the linear problem says."""
