@@ -126,6 +126,10 @@ class Fitter:
         self.model, self.data, self.rig, self.bounds = model, data, rig, bounds
         self._shares: dict[tuple[Term, int], float] = {}  # of its scale, which a difference step of a coordinate is
 
+    def on(self, data: Data) -> Fitter:
+        """The same of other data."""
+        return Fitter(self.model, data, self.rig, self.bounds)
+
     def residuals(self, terms: Sequence[Term], points: Sequence[Sequence[np.ndarray]]) -> list[np.ndarray | None]:
         """Residuals at each point; None where it is impossible."""
         found = self.model([hypothesis(self.rig, terms, x) for x in points])

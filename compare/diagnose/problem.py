@@ -264,7 +264,7 @@ class Problem:
                     )
         raised = Data(self.measured, floor)
         self.data = Data(self.measured, floor, self.data.shared * (self.data.sigma / raised.sigma)[:, None])
-        self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
+        self.fitter = self.fitter.on(self.data)
         self.base = self.fitter.again(self.base) or self.base
 
     def line_errors(self) -> dict[tuple[str, str], float]:
@@ -337,8 +337,7 @@ class Problem:
             if closed:
                 found = searched.posterior().shifted(difference)
             else:
-                shifted = self.begin_search(self.data.shifted(difference), searched)
-                found, searched = None, shifted.search([searched.best.fit])
+                found, searched = None, self.search_again(self.data.shifted(difference), searched)
             shift = difference
         best = searched.best.keys
         found = found or searched.posterior()
@@ -347,10 +346,13 @@ class Problem:
 
     def begin_search(self, data: Data, before: Inference | None = None) -> Inference:
         """The way to the posterior of these data, with what is known from others."""
-        fitter = Fitter(self.model, data, self.rig, self.fitter.bounds)
-        return Inference(
-            fitter, fitter.again(self.base) or self.base, self.sought, self.options.late, before, self.tell
-        )
+        fitter = self.fitter.on(data)
+        base = fitter.again(self.base) or self.base
+        return Inference(fitter, base, self.sought, self.options.late, before, self.tell)
+
+    def search_again(self, data: Data, before: Inference, far: bool = True) -> Inference:
+        """The likeliest sets of effects in these data, from the best of others."""
+        return self.begin_search(data, before).search([before.best.fit], far)
 
     def searched(self, begun: Inference) -> Inference:
         """The likeliest sets of effects, from the best so far, if there is one; of free runs in pieces first."""
@@ -366,7 +368,7 @@ class Problem:
             left = self.data.coloured({}).residual(self.analytic(searched.judged))
             if self.options.late() or not self.coloured(left):
                 break
-            searched = self.begin_search(self.data, searched).search([searched.best.fit], far)
+            searched = self.search_again(self.data, searched, far)
         return searched
 
     def tell(self, said: str) -> None:
@@ -394,7 +396,7 @@ class Problem:
         if found == self.data.colours:
             return False
         self.data = plain.coloured(found)
-        self.fitter = Fitter(self.model, self.data, self.rig, self.fitter.bounds)
+        self.fitter = self.fitter.on(self.data)
         self.base = self.fitter.again(self.base) or self.base
         return True
 

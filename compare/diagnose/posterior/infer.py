@@ -102,8 +102,7 @@ class Posterior:
         """The same sets in data less a difference (size,) in units of noise: the best one is fitted anew."""
 
         def moved(fitter: Fitter) -> Fitter:
-            data = fitter.data.shifted(fitter.data.seen_beside(difference))
-            return Fitter(fitter.model, data, fitter.rig, fitter.bounds)
+            return fitter.on(fitter.data.shifted(fitter.data.seen_beside(difference)))
 
         fitter, judge = moved(self.fitter), moved(self.judge)
         fit = self.best.fit
@@ -163,7 +162,7 @@ class Inference:
         self.late, self.tell = late, tell
         self.prior = Prior.of(fitter.rig, fitter.bounds, sought, fitter.data.measured.prior)
         # signatures over each sample's noise alone, which stay true in other colours
-        self.bare = Fitter(fitter.model, fitter.data.plain(), fitter.rig, fitter.bounds)
+        self.bare = fitter.on(fitter.data.plain())
         self.weighed: dict[Names, Weighed] = {}
         # where fits of sets ended, in whatever noise
         self.ended: dict[Names, Mapping[Term, np.ndarray]] = {} if before is None else before.ended
@@ -188,8 +187,7 @@ class Inference:
     @property
     def judge(self) -> Fitter:
         """Fits where samples count alike and an unknown is no noise."""
-        data = self._noise(self.compressed, self.workmanship)
-        return Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds)
+        return self.plain.on(self._noise(self.compressed, self.workmanship))
 
     @property
     def judged(self) -> Fit:
@@ -389,8 +387,7 @@ class Inference:
 
     def _renew(self, compressed: Compressed) -> None:
         """Sets are to be fitted in full anew, with the noise as it is now."""
-        data = self._noise(compressed, self.workmanship, self.weights)
-        self.fitter, self.weighed = Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds), {}
+        self.fitter, self.weighed = self.plain.on(self._noise(compressed, self.workmanship, self.weights)), {}
 
     def _noise(
         self,
@@ -496,8 +493,7 @@ class Inference:
 
     def _fitter(self, compressed: Compressed, unknown: np.ndarray) -> Fitter:
         """Fits beside what an unknown may do (size, k)."""
-        data = self._noise(compressed, self.workmanship, self.weights, unknown)
-        return Fitter(self.plain.model, data, self.plain.rig, self.plain.bounds)
+        return self.plain.on(self._noise(compressed, self.workmanship, self.weights, unknown))
 
     def _size(self, term: Term, along: tuple[int, ...], width: float) -> np.ndarray:
         """Size (n,) of each natural coordinate of a term at a width; how or where it is does not go with it.  Those
