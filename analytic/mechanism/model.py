@@ -108,12 +108,8 @@ class Mechanism(MechanismPart):
         """Fields that are written with their unit as numbers in SI.  Raises UnitError, ReadingError."""
         if not isinstance(given, Mapping):
             return given
-        return in_si(
-            {
-                (field.alias or name) if (field := cls.model_fields.get(name)) else name: value
-                for name, value in given.items()
-            }
-        )
+        as_filed = {n: f.alias for n, f in cls.model_fields.items() if f.alias and f.alias not in given}
+        return in_si({as_filed.get(str(name)) or str(name): value for name, value in given.items()})
 
     def body(self, name: str) -> Body | Ground:
         """The body, or the ground, of that name (KeyError if there is none)."""
