@@ -9,10 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import typer
 
 from analytic.mechanism import Ripple
 from analytic.mechanism.file import dumps, load
 from commands import Ended, assert_refused, compare, compare_alone, without
+from compare.cli.app import app
+from compare.cli.folders import spelled_out
 from compare.faults import Exit
 from marks import slow
 
@@ -148,6 +151,30 @@ def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
     assert all(len(run["crank_angle"]) == 29 for run in result["runs"])
     assert "equilibrium" in done.stdout
     assert "reaction" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("paper --simulator mujoco", "--case paper --simulator mujoco"),
+        ("--simulator mujoco -q own.toml", "--case own.toml --simulator mujoco -q"),
+        ("--motion static own.toml", "analyse --case own.toml --motion static"),
+        ("own.toml --plot f.svg", "analyse --case own.toml --plot f.svg"),
+        ("show own.toml", "show own.toml"),
+        ("--case paper own.toml", "--case paper own.toml"),  # one too many, which is said
+        ("--simulator own.toml", "--simulator own.toml"),  # a simulator's name
+    ],
+)
+def test_a_linkage_by_its_name_alone_is_analysed_and_with_a_simulator_cross_checked(typed: str, meant: str) -> None:
+    root = typer.main.get_command(app)
+    assert isinstance(root, typer.core.TyperGroup)
+    assert spelled_out(typed.split(), root) == meant.split()
+
+
+def test_an_option_of_the_cross_check_given_to_an_analysis_says_so(tmp_path: Path) -> None:
+    said = "--joint is of a cross-check: compare LINKAGE.toml --simulator mujoco --joint"
+    assert_refused(compare("paper", "--joint", "contact", cwd=tmp_path), said)
+    assert_refused(compare("paper", "--simulators", "mujoco", cwd=tmp_path), "Possible options: --simulator")
 
 
 def test_json_goes_to_standard_output_and_nothing_else_does(tmp_path: Path) -> None:

@@ -48,12 +48,14 @@ IN_CI = "in CI the exit status is the verdict, and the folder of a result has ju
 
 
 class Commands(typer.core.TyperGroup):
-    """The commands; a mechanism file, or a shipped case that no command is called like, asks for its analysis."""
+    """The commands; a mechanism file, or a shipped case that no command is called like, asks for its analysis, or with
+    a simulator for its cross-check.
+    """
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """The words that are left for the command that is meant."""
         with _plain():
-            return super().parse_args(ctx, spelled_out(args, self.commands))
+            return super().parse_args(ctx, spelled_out(args, self))
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
         """What the command that is meant gives; it reads its own words."""
@@ -71,6 +73,8 @@ def _plain() -> Iterator[None]:
         options = {option.name for option in error.ctx.command.params} if error.ctx else set()
         if re.match(r"No such (command|option):? '?(ci|(--)?junit)\b", said):
             said, error.possibilities = f"{said.rstrip('.')}; {IN_CI}", None
+        elif of_crosscheck := _of_crosscheck(said, error.ctx):
+            said, error.possibilities = f"{said.rstrip('.')}; {of_crosscheck}", None
         elif re.match(r"No such option: '?--limit\b", said) and not error.ctx.parent:
             said = f"{said.rstrip('.')}; limits are of one side: compare LINKAGE.toml --limit reaction_B=500N"
         elif said.startswith("Got unexpected extra argument") and "case" in options:
@@ -78,6 +82,15 @@ def _plain() -> Iterator[None]:
         error.message = said
         _record(error.format_message(), error.ctx.command_path if error.ctx else "compare")
         raise
+
+
+def _of_crosscheck(said: str, context: typer.Context | None) -> str:
+    """What to write where an option that ``compare analyse`` has not is one of the cross-check; else empty."""
+    option = re.match(r"No such option: '?(--[\w-]+)", said)
+    if option is None or context is None or context.info_name != "analyse":
+        return ""
+    name, options = option[1], {word for each in context.find_root().command.params for word in each.opts}
+    return f"{name} is of a cross-check: compare LINKAGE.toml --simulator mujoco {name} ..." if name in options else ""
 
 
 def _record(said: str, command: str) -> None:
@@ -132,7 +145,8 @@ def compare(line: CommandLine) -> None:
     """Cross-check the analytic clearance model of a planar linkage against a multibody simulation.
 
     compare LINKAGE.toml, or a shipped case by its name alone, is compare analyse --case LINKAGE.toml: the linkage in
-    motion, its reactions and torque with their peaks, its error by joint, on a page and without an engine.
+    motion, its reactions and torque with their peaks, its error by joint, on a page and without an engine.  With
+    --simulator it is cross-checked.
 
     With --set fields of the mechanism are varied, and a table says what each comes to.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os.path
 import shlex
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from enum import Enum
 from pathlib import Path
@@ -60,18 +60,30 @@ def named_after(file: str | Path) -> str:
     return path.stem if path.name not in NAMED_BY_FOLDER else path.parent.name or path.stem
 
 
-def spelled_out(words: Sequence[str], commands: Collection[str]) -> list[str]:
-    """The words of a command line; those that begin with a mechanism file, or with a shipped case that no command is
-    called like, ask for its analysis; so do those whose first is more like a case than like a command.
+def spelled_out(words: Sequence[str], root: typer.core.TyperGroup) -> list[str]:
+    """The words of a command line of ``root``; those whose first, but for its options, is a mechanism file, or a
+    shipped case that no command is called like, ask for its analysis, or with a simulator for its cross-check.  So do
+    those that begin with what is more like a case than like a command.
     """
-    if not words or words[0].startswith("-") or words[0] in commands:
+    commands = root.commands
+    flags = {word for option in root.params if getattr(option, "is_flag", False) for word in option.opts} | {
+        "-h",
+        "--help",
+    }
+    k = 0
+    while k < len(words) and words[k].startswith("-"):
+        k += 1 if "=" in words[k] or words[k] in flags else 2
+    if k >= len(words) or words[k] in commands or "--case" in words:
         return list(words)
     from analytic.mechanism.file import shipped_cases
 
+    word, others = words[k], [*words[:k], *words[k + 1 :]]
     cases = shipped_cases()
-    near = get_close_matches(words[0], [*commands, *cases], n=1)
-    linkage = words[0].endswith(".toml") or words[0] in cases or (near and near[0] in cases)
-    return ["analyse", "--case", *words] if linkage else list(words)
+    near = () if k else get_close_matches(word, [*commands, *cases], n=1)
+    if not (word.endswith(".toml") or word in cases or (near and near[0] in cases)):
+        return list(words)
+    checked = any(other.startswith("--simulator") for other in others)
+    return [*([] if checked else ["analyse"]), "--case", word, *others]
 
 
 def same_question(context: typer.Context) -> Callable[[str | None], bool]:
@@ -146,7 +158,7 @@ def _asked(context: typer.Context, line: str) -> tuple[str, dict[str, str]] | No
         return None
     root = context.find_root().command
     commands = getattr(root, "commands", {})
-    words = spelled_out(words, commands)
+    words = spelled_out(words, root) if isinstance(root, typer.core.TyperGroup) else words
     name = words[0] if words and words[0] in commands else ""
     command, words = (commands[name], words[1:]) if name else (root, words)
     return name, _question(command.make_context(name, words, resilient_parsing=True).params)

@@ -110,7 +110,7 @@ def check_names(called: str, known: Collection[str], named: Mapping[str, object]
 
         near = get_close_matches(name, known, 1)
         other = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(known)}"
-        own = changed_by(name)
+        own = None if near and near[0].startswith(name) else changed_by(name)
         raise TypeError(
             f"{called}() has no argument {name!r}; {f'{own} of the mechanism, or by sweep' if own else other}"
         )
