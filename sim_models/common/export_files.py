@@ -14,6 +14,7 @@ import numpy as np
 
 from analytic.mechanism import Joint, Load, Mechanism
 from analytic.mechanism.signals import named, position
+from analytic.mechanism.varying import Fading
 from sim_models.engine import Request, Trace
 
 ALIKE = re.compile(r"^from sim_models\.standalone\.alike import .*\n", re.MULTILINE)  # in a script
@@ -83,8 +84,8 @@ def _block(value: object) -> str:
     return json.dumps(value, allow_nan=False)
 
 
-def varies(m: Mechanism, load: Load) -> dict[str, object]:
-    """What a load varies over, its stretch or table, and whether it opposes the motion."""
+def varies(m: Mechanism, load: Load, fades: Fading) -> dict[str, object]:
+    """What a load varies over, its stretch or table, whether it opposes the motion, and where one that does fades."""
     over = m.load_quantities[load.over] if load.over else None
     return {
         "over": over
@@ -92,6 +93,7 @@ def varies(m: Mechanism, load: Load) -> dict[str, object]:
         "stretch": None if load.start is None else [load.start, load.end],
         "table": load.table,
         "opposes": load.opposes,
+        "fades": fades,
     }
 
 

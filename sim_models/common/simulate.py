@@ -149,10 +149,4 @@ def export(
     """Files that an engine's ``write`` makes of a request in a folder.  Raises Unsupported, and what it raises."""
     check_exported(engine, request)
     check_request(request)
-    load = next((load for load in request.mechanism.loads if load.opposes), None)
-    if load is not None and request.schedule.lets_go:
-        raise Unsupported(
-            f"{request.mechanism.name}: opposes of the load on {load.body!r} fades in a released run, and exports know"
-            " no such load; leave it out, or give a joint friction_torque"
-        )
     return write(engine, request, folder)

@@ -126,7 +126,7 @@ def _parts(link: ExudynLinkage) -> dict[str, Any]:
                     "point": load.point,
                     "force": load.force,
                     "torque": load.torque,
-                    "varies": varies(m, load) if load.varies else None,
+                    "varies": varies(m, load, link.model.fades(load)) if load.varies else None,
                 }
                 for load in m.loads
             ),

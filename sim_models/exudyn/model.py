@@ -15,7 +15,7 @@ import numpy as np
 
 from analytic.mechanism import GROUND, MASS_CENTRE, Joint, Load, Mechanism, Spring
 from analytic.mechanism.parts import TINY
-from analytic.mechanism.varying import NEVER, Seen
+from analytic.mechanism.varying import NEVER, Fading, Seen
 from sim_models.common.contact_laws import NamedLaw, bearing, contact_parameters, longest
 from sim_models.common.fading import fading
 from sim_models.common.mobility import stop_step
@@ -179,10 +179,14 @@ class ExudynModel:
                 self.mbs.SetLoadParameter(force, key, self._now(load, lambda push, _: [push.real, push.imag, 0.0]))
                 self.mbs.SetLoadParameter(torque, key, self._now(load, lambda _, turn: [0.0, 0.0, turn]))
 
+    def fades(self, load: Load) -> Fading:
+        """Below which velocities a load that opposes the motion fades: only where the linkage swings freely."""
+        return fading(self.m, load) if self.released else NEVER
+
     def _now(self, load: Load, part: Callable[[complex, float], list[float]]) -> Callable[..., list[float]]:
         """A part of a load that varies, as Exudyn asks for it in every evaluation."""
         seen = Seen(self._turned, self._place, self._going, self._spin, lambda: self.clock)
-        fades = fading(self.m, load) if self.released else NEVER
+        fades = self.fades(load)
 
         def now(mbs: Any, t: float, _: object) -> list[float]:
             if self.motion == "driven":

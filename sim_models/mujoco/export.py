@@ -159,8 +159,8 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
         "springs": {f"spring:{i}": spring.bodies for i, spring in enumerate(link.mechanism.springs)},
         "periodic_torque": _periodic(link),
         "varying_loads": {
-            f"load{i}": {"force": load.force, "torque": load.torque, **varies(link.mechanism, load)}
-            for i, load in enumerate(link.mechanism.loads)
+            f"load{i}": {"force": load.force, "torque": load.torque, **varies(link.mechanism, load, fades)}
+            for i, (load, fades) in enumerate(zip(link.mechanism.loads, link.fades, strict=True))
             if load.varies
         },
         "contacts": {

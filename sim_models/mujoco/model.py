@@ -128,11 +128,11 @@ class MujocoLinkage:
         self.places = memory(self.data.site_xpos.reshape(-1))  # m, x y z of one site after the other
         self.heading: Mapping[str, Pose] = {}  # at rest: bodies in the motion that loads oppose
         self.seen = Seen(self.angle, self.place, self.going, self.spin, lambda: float(self.data.time))
-        fades = [NEVER if setting.hold else fading(mechanism, load) for load in mechanism.loads]
-        # what each load is now: where no motor holds the linkage, one that opposes its motion fades
-        self.loaded = [
+        # where no motor holds the linkage, a load that opposes its motion fades
+        self.fades = [NEVER if setting.hold else fading(mechanism, load) for load in mechanism.loads]
+        self.loaded = [  # what each load is now
             (load, partial(mechanism.acting, load, self.seen, fade))
-            for load, fade in zip(mechanism.loads, fades, strict=True)
+            for load, fade in zip(mechanism.loads, self.fades, strict=True)
         ]
         self._name_things()
         self._set_laws()

@@ -317,9 +317,9 @@ def _loads(world: RecordedWorld) -> list[dict[str, Any]]:
             "point": _from_com(world, load.body, load.point),
             "force": load.force,
             "torque": load.torque,
-            "varies": varies(world.mechanism, load) if load.varies else None,
+            "varies": varies(world.mechanism, load, fades) if load.varies else None,
         }
-        for load in world.mechanism.loads
+        for load, fades in zip(world.mechanism.loads, world.fades, strict=True)
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +28,13 @@ def share(how: Mapping[str, Any], where: Callable[[Mapping[str, str]], float]) -
     return float(high - low >= turn or (here - low) % turn <= (high - low) % turn)
 
 
-def against(force: complex, torque: float, velocity: complex, spin: float) -> tuple[complex, float]:
-    """A load that opposes the motion of its point and of its body."""
-    return -abs(force) * velocity / max(abs(velocity), 1e-300), -abs(torque) * float(np.sign(spin))
+def against(
+    force: complex, torque: float, velocity: complex, spin: float, fades: Sequence[float]
+) -> tuple[complex, float]:
+    """A load that opposes the motion of its point and of its body; below the velocities at which it fades in part."""
+    slow, slow_spin = fades
+    turn = float(np.clip(spin / slow_spin, -1.0, 1.0) if slow_spin else np.sign(spin))
+    return -abs(force) * velocity / max(abs(velocity), slow, 1e-300), -abs(torque) * turn
 
 
 def stopped(stops: list[list[float]], position: float, rate: float, over: float) -> float:

@@ -132,7 +132,7 @@ class System:
                     return complex(*force) * part, torque * part
                 u, v, spin = self.going(body)
                 velocity = complex(u, v) + 1j * spin * self.arm(body, point)
-                return against(complex(*force) * part, torque * part, velocity, spin)
+                return against(complex(*force) * part, torque * part, velocity, spin, varies["fades"])
 
             def pushed(mbs: Any, t: float, vector: Any) -> list[float]:
                 return [acting(t)[0].real, acting(t)[0].imag, 0.0]

@@ -82,7 +82,7 @@ class Simulation:
             force, torque = complex(*load["force"]) * part, load["torque"] * part
             if load["opposes"]:
                 u, v, spin = self.heading.get(name) or self.going(site)
-                force, torque = against(force, torque, complex(u, v), spin)
+                force, torque = against(force, torque, complex(u, v), spin, load["fades"])
             yield site, force, torque
 
     def going(self, site: int) -> list[float]:

@@ -196,7 +196,7 @@ class World:
                 force, torque = force * part, torque * part
                 if how["opposes"]:
                     u, v, spin = self.heading[k] if self.heading else (velocity.real, velocity.imag, spin)
-                    force, torque = against(force, torque, complex(u, v), spin)
+                    force, torque = against(force, torque, complex(u, v), spin, how["fades"])
             self.push(load["link"], at, force, torque)
         for link, motor in self.motors.items():
             if motor["course"]:

@@ -100,6 +100,12 @@ PULSED = at_speed(load("slider-crank"), 20.0).replace(
     loads=(Load(body="slider", force=(-50.0, 10.0), over="time", table=((0.0, 1.0), (0.004, 2.0), (0.02, 0.0))),)
 )
 SPUN = load("pendulum").replace(loads=(Load(body="pendulum", torque=1.0, over="time", start=0.123, end=0.4),))
+BRAKED = load("pendulum").replace(
+    loads=(
+        Load(body="pendulum", torque=0.05, opposes=True, over="pendulum_angle", start=-2.0, end=-0.5),
+        Load(body="pendulum", point="com", force=(0.4, 0.0), opposes=True),
+    )
+)
 STOPPED = (
     at_speed(load("slider-crank"), 60.0)
     .with_clearances({})
@@ -181,6 +187,7 @@ CRANKED: dict[str, Request] = {
     ),
     **{f"loads that vary, {m}": request_of(GASSED, "spring-damper", m, SHORT) for m in MOTIONS},
     "a load over time": request_of(PULSED, "ideal", "driven", SHORT, lead_in=0.1),
+    "loads that oppose, released": request_of(BRAKED, "ideal", time=np.linspace(0.02, 0.65, 5)),
     "a load over time, released": request_of(SPUN, "ideal", time=np.array([0.3, 0.1, 0.5])),
     **{f"stops, {m}": request_of(STOPPED, "ideal", m, ONTO) for m in MOTIONS},
     "stops beside a gap": request_of(STOPPED.with_clearances({"A": 1e-4}), "spring-damper", "driven", ONTO),
@@ -415,7 +422,7 @@ def assert_same(name: str, title: str, folder: Path) -> None:
         moving = max(3e-11, wall(asked, folder, expected))
         assert difference(found, expected, rounding) < (at_rest if asked.motion == "static" else moving)
     elif name == "exudyn":
-        assert apart(found, expected) < REPEATS.get(title, 1e-12)
+        assert apart(found, expected) < (REPEATS | STEEP).get(title, 1e-12)
     else:
         free = any(drive.speed == "free" for drive in asked.mechanism.drives)
         soft = free or asked.joint_model == "spring-damper" or asked.bearings or not asked.mechanism.drives
@@ -425,6 +432,8 @@ def assert_same(name: str, title: str, folder: Path) -> None:
 
 # A shaft free to swing is stepped without damping: a last digit of its speed, over the step, is an acceleration.
 # Exudyn's own runs differ by that, one after another in one process: about one in fifteen by 2e-9 of the reactions.
+# A load that opposes turns round within a few steps, in which a last digit of a velocity is a force.
+STEEP = {"loads that oppose, released": 1e-9}
 REPEATS = {title: 3e-9 for title in CRANKED if title.startswith("compliant drive")}
 Scripts = Callable[[str, str], Path]
 
