@@ -36,7 +36,7 @@ from compare.faults import ArgumentError
 from compare.judge.reference import Reference, reference, with_flexible_links
 from compare.judge.reruns import too_soft
 from compare.judge.signals import only, with_derived
-from compare.limits import TRANSMISSION, limits_of
+from compare.limits import STROKE, TRANSMISSION, limits_of
 from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.quantities import plain, shown
 from compare.questions.analyse import AnalyseQuestion, RunQuestion, SimulateQuestion
@@ -57,7 +57,7 @@ LOOKS = 360  # at the least over times, however few these are
 MOST_LOOKS = 1440
 UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
 SAME_PLACE = 0.5  # deg, between pins that cross their bearings: a sentence says one of them
-CLOSER = 5  # looks in a PEAK_STEP around such a peak
+CLOSER, ROUNDS = 5, 4  # looks to either side of such a peak, so many times as close as the last ones: to 0.002 deg
 
 
 @answers(AnalyseQuestion)
@@ -127,7 +127,7 @@ def _side(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> 
     """The model that a question asks for."""
     m = assembly.mechanism
     more = on_request(question.signals, m, question.motion)
-    side = reference(assembly, schedule, question.model, m.clearances, more=more)
+    side = reference(assembly, schedule, question.model, m.clearances, more=more, alone=True)
     return with_flexible_links(side, assembly, schedule) if question.compliance else side
 
 
@@ -238,7 +238,7 @@ def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion)
     that the angles make; nothing where there are too few or too many, or where the linkage cannot be followed closely.
 
     Between looks a signal is the parabola through three of them, where it bends evenly; around a peak where it does not
-    it is looked at again, more closely.
+    it is looked at again, more and more closely: where a load begins or ends it jumps.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
     x = schedule.time if theta is None else theta
@@ -253,23 +253,30 @@ def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion)
         moved = replace(schedule, time=at) if theta is None else schedule.turned_to(m, at)
         signals = dict(_side(assembly, moved, question).signals)
         if theta is not None:
-            signals[TRANSMISSION] = np.arcsin(np.minimum(transmission(condition(along(assembly, moved))), 1.0))
-        return {name: values for name, values in signals.items() if np.isfinite(values).any()}
+            ideal = along(assembly, moved)
+            signals[TRANSMISSION] = np.arcsin(np.minimum(transmission(condition(ideal)), 1.0))
+            slides = {j.name: ideal.relative(j) for j in m.joints if j.prismatic}
+            turns = {body.name: ideal.angle(body.name) for body in m.bodies if body.name != m.driven}
+            signals |= {f"{STROKE}{what}": values for what, values in (slides | turns).items()}
+        return signals
 
     try:
-        signals = look(close)
+        signals = {name: values for name, values in look(close).items() if np.isfinite(values).any()}
         step, peaks = close[1] - close[0], {name: _peaks(values, close, whole) for name, values in signals.items()}
-        rough = np.unique([x for ends in peaks.values() for value, x in ends if value is None])
-        around = np.unique(np.add.outer(rough, step * np.arange(-CLOSER, CLOSER + 1) / CLOSER))
-        around = around[(around >= low) & (around <= high)]
-        closer = look(around) if around.size else {}
+        looks = [(close, signals)]
+        for _ in range(ROUNDS):
+            rough = [_utmost(peaks[n], n, looks)[k][1] for n in peaks for k in (0, 1) if peaks[n][k][0] is None]
+            around = np.unique(np.add.outer(rough, step * np.arange(-CLOSER, CLOSER + 1) / CLOSER))
+            around = around[(around >= low) & (around <= high)]
+            looks += [(around, look(around))] if around.size else []
+            step /= CLOSER
     except AssemblyError:
         return {}
-    return {name: _extreme(ends, (close, signals[name]), (around, closer.get(name))) for name, ends in peaks.items()}
+    return {name: _extreme(ends, name, looks) for name, ends in peaks.items()}
 
 
 Peak = tuple[float | None, float]  # value, None where it is not known well enough, and angle (rad)
-Sampled = tuple[np.ndarray, np.ndarray | None]  # angles (N,) rad, and values at them
+Looks = Sequence[tuple[np.ndarray, Mapping[str, np.ndarray]]]  # angles (N,) rad, and values of signals at them
 
 
 def _peaks(values: np.ndarray, theta: np.ndarray, whole: bool) -> tuple[Peak, Peak]:
@@ -295,24 +302,24 @@ def _peaks(values: np.ndarray, theta: np.ndarray, whole: bool) -> tuple[Peak, Pe
     return peak(1.0), peak(-1.0)
 
 
-def _extreme(ends: tuple[Peak, Peak], close: Sampled, closer: Sampled) -> Extremes:
-    """The peaks of a signal that is known at angles over its stretch, and more closely around those that are open."""
-    theta, values = close
-    assert values is not None
-    every = np.concatenate([values, np.zeros(0) if closer[1] is None else closer[1]])
-    angles = np.concatenate([theta, closer[0] if closer[1] is not None else np.zeros(0)])
-    found: list[tuple[float, float]] = []
-    for (value, at), where in zip(ends, (np.nanargmax, np.nanargmin), strict=True):
-        k = int(where(every))
-        found.append((float(every[k]), float(angles[k])) if value is None else (value, at))
-    (highest, highest_at), (lowest, lowest_at) = found
-    return Extremes(
-        highest=highest,
-        highest_at=highest_at,
-        lowest=lowest,
-        lowest_at=lowest_at,
-        mean=float(np.trapezoid(values, theta) / (theta[-1] - theta[0])),
-    )
+def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The highest and the lowest value of a signal and where: as it is known, or of all looks."""
+    angles = np.concatenate([at for at, _ in looks])
+    values = np.concatenate([signals.get(name, np.full(at.size, np.nan)) for at, signals in looks])
+    at = int(np.nanargmax(values)), int(np.nanargmin(values))
+    high, low = ((float(values[k]), float(angles[k])) for k in at)
+    (top, top_at), (bottom, bottom_at) = ends
+    return high if top is None else (top, top_at), low if bottom is None else (bottom, bottom_at)
+
+
+def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
+    """The peaks of a signal, and its mean over the first looks; none where it is missing at two that follow."""
+    (highest, highest_at), (lowest, lowest_at) = _utmost(ends, name, looks)
+    theta, values = looks[0][0], looks[0][1][name]
+    there = np.isfinite(values)
+    known = bool(np.all(there[1:] | there[:-1]) and there[0] and there[-1])
+    mean = np.trapezoid(values[there], theta[there]) / (theta[-1] - theta[0]) if known else np.nan
+    return Extremes(highest=highest, highest_at=highest_at, lowest=lowest, lowest_at=lowest_at, mean=float(mean))
 
 
 def _along(m: Mechanism, side: Reference) -> np.ndarray:

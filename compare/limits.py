@@ -22,6 +22,7 @@ from compare.results.analysis import Analysis, Limit
 ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks between samples are interpolated
 MOST_LISTED = 16  # names in a sentence
 TRANSMISSION = "transmission_angle"
+STROKE = "stroke_"  # with a slide's or a body's name after it: its travel, or its angle, without clearance
 Bounds = tuple[float, float]
 
 
@@ -118,7 +119,8 @@ def _known(result: Analysis) -> dict[str, Limitable]:
     moves += [(f"{body.name}_angle", body.name) for body in m.bodies if not m.cranked or body.name != m.driven]
     known = {n.removesuffix("_magnitude"): Limitable(kinds[n].unit, signal=n) for n in whole}
     known |= {n: Limitable(kinds[n].unit, signal=n) for n in drive_signals(m) if n in kinds}
-    known |= {f"stroke_{what}": Limitable(kinds[n].unit, "either", n) for n, what in moves}
+    ideal = {n: f"{STROKE}{what}" for n, what in moves if f"{STROKE}{what}" in result.extremes}
+    known |= {f"{STROKE}{what}": Limitable(kinds[n].unit, "either", ideal.get(n, n)) for n, what in moves}
     known |= {} if result.transmission is None else {TRANSMISSION: Limitable("rad", "least", TRANSMISSION)}
     return known | {n: Limitable(kinds[n].unit, signal=n) for n in signals}
 
@@ -126,10 +128,10 @@ def _known(result: Analysis) -> dict[str, Limitable]:
 def _limit(result: Analysis, of: Limitable, bounds: Bounds) -> Limit:
     """The value that is farthest beyond its bound, or nearest to it; of a stroke highest less lowest."""
     angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
-    series = angle if of.signal == TRANSMISSION else result.signals[of.signal]
+    series = angle if of.signal == TRANSMISSION else result.signals.get(of.signal, np.zeros(0))
     places = result.crank_angle if result.time is None else result.time
     there, found = np.isfinite(series), result.extremes.get(of.signal)
-    ends = list(zip(series[there].tolist(), places[there].tolist(), strict=True))
+    ends = list(zip(series[there].tolist(), places[: series.size][there].tolist(), strict=True))
     between = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
     ends += [(v, x) for v, x in between if v is not None and x is not None]
     off, value, at = math.inf, None, None

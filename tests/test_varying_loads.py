@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,18 @@ def test_a_place_or_an_angle_of_a_body_will_do_as_well() -> None:
 def test_a_stretch_of_a_length_is_the_same_from_either_end() -> None:
     for ends in ((0.1, 0.15), (0.15, 0.1)):
         load_ = Load(body="slider", force=(-100.0, 0.0), over="position_S", start=ends[0], end=ends[1])
-        np.testing.assert_allclose(load_.share(np.array([0.09, 0.1, 0.12, 0.15, 0.16]), False), [0, 1, 1, 1, 0])
+        np.testing.assert_allclose(load_.share(np.array([0.09, 0.1, 0.12, 0.15, 0.16]), False), [0, 1, 1, 0, 0])
+
+
+@pytest.mark.parametrize("angular", [True, False])
+def test_where_one_stretch_ends_and_another_begins_one_of_them_acts(angular: bool) -> None:
+    """Split anywhere, also beside where a turn ends and a rounding away from where they meet, they act as one."""
+    ends = np.radians([20.0, 90.0, 160.0, 345.0, 372.0]) + (0.0 if angular else 1.0)
+    parts = [Load(body="ram", force=(1.0, 0.0), over="x", start=a, end=b) for a, b in pairwise(ends.tolist())]
+    whole = Load(body="ram", force=(1.0, 0.0), over="x", start=float(ends[0]), end=float(ends[-1]))
+    at = np.concatenate([ends[1:-1], np.nextafter(ends[1:-1], 0.0), np.nextafter(ends[1:-1], 9.0), ends[:-1] + 1e-3])
+    np.testing.assert_array_equal(sum(part.share(at, angular) for part in parts), np.ones(at.size))
+    np.testing.assert_array_equal(whole.share(at, angular), np.ones(at.size))
 
 
 def test_a_table_over_the_crank_goes_on_from_turn_to_turn() -> None:

@@ -271,9 +271,16 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
         )
 
 
-def doubts(mechanism: str, parts: PartsByName, joints: Iterable[Joint], assembly: Mapping[str, float]) -> list[str]:
-    """What to ask about lengths (m) that no linkage has, and assembly angles (rad) of several turns; ``mechanism`` is
-    its name.
+def doubts(
+    mechanism: str,
+    parts: PartsByName,
+    joints: Iterable[Joint],
+    assembly: Mapping[str, float],
+    loads: Iterable[Load],
+    load_quantities: Mapping[str, Quantity],
+) -> list[str]:
+    """What to ask about lengths (m) that no linkage has, and assembly angles, and angles (rad) at which loads begin and
+    end, of several turns; ``mechanism`` is its name.
     """
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]
@@ -282,10 +289,14 @@ def doubts(mechanism: str, parts: PartsByName, joints: Iterable[Joint], assembly
     asked = []
     if largest > LARGEST_PLAUSIBLE_LENGTH:
         asked.append(f"{mechanism}: {name} is {largest:g} m; lengths are in metres, was it meant in millimetres?")
-    turned = next(((body, angle) for body, angle in assembly.items() if abs(angle) > 4 * math.pi), None)
+    angles = [(f"assembly.{body}", angle) for body, angle in assembly.items()]
+    for load in (load for load in loads if load.over and load_quantities[load.over].unit == "rad"):
+        ends = [("from", load.start), ("to", load.end), *(("table", x) for x, _ in load.table[-1:])]
+        angles += [(f"{end} of the load on {load.body}", x) for end, x in ends if x is not None]
+    turned = next(((place, angle) for place, angle in angles if abs(angle) > 4 * math.pi), None)
     if turned is not None:
-        body, angle = turned
-        where = f"{mechanism}: assembly.{body} is {angle:g} rad"
+        place, angle = turned
+        where = f"{mechanism}: {place} is {angle:g} rad"
         asked.append(f'{where}; angles are in radians, was it meant in degrees? Write "{angle:g} deg"')
     return asked
 

@@ -450,7 +450,7 @@ class Mechanism(MechanismPart):
     @cached_property
     def doubts(self) -> list[str]:
         """What to ask about numbers that look like millimetres or degrees."""
-        return doubts(self.name, self.parts, self.joints, self.assembly)
+        return doubts(self.name, self.parts, self.joints, self.assembly, self.loads, self.load_quantities)
 
     @model_validator(mode="after")
     def _check(self, info: ValidationInfo) -> Mechanism:

@@ -654,15 +654,19 @@ class Load(MechanismPart):
 
     def share(self, value: Amount, angular: bool) -> Amount:
         """How much of it acts at values of its quantity, every turn alike of one that is ``angular``; a stretch of a
-        length is the same from either end.
+        length is the same from either end.  Where one stretch ends and another begins, only that which begins acts.
         """
         turn = 2 * math.pi
         if self.table:
             return (self.table if isinstance(self.table, Table) else Table(self.table)).at(value, angular)
         start, end = self.start or 0.0, self.end or 0.0
         if not angular:
-            return 1.0 * ((min(start, end) <= value) & (value <= max(start, end)))
-        return 1.0 * ((value - start) % turn <= (end - start) % turn) if end - start < turn else value * 0.0 + 1.0
+            return 1.0 * ((min(start, end) <= value) & (value < max(start, end)))
+        if end - start >= turn:
+            return value * 0.0 + 1.0
+        first, last = start % turn, end % turn
+        begun, open_yet = value % turn >= first, value % turn < last
+        return 1.0 * (begun & open_yet if first < last else begun | open_yet)
 
     @property
     def shortest_stretch(self) -> float:

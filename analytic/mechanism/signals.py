@@ -28,6 +28,10 @@ Component = Literal[
 ON_REQUEST: frozenset[SignalKind] = frozenset(
     {"velocity", "acceleration", "joint_velocity", "joint_acceleration", "power", "sensor"}
 )
+# what a linkage does without clearance, whatever acts on it
+OF_MOTION: frozenset[SignalKind] = frozenset(
+    {"pose", "rate", "velocity", "acceleration", "rotation", "position", "joint_velocity", "joint_acceleration"}
+)
 DRIVE_TORQUE = "drive_torque"
 REACTION: tuple[Component, ...] = ("angle", "magnitude", "x", "y")
 POSE: tuple[Component, ...] = ("angle", "x", "y")

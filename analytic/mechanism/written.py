@@ -10,7 +10,7 @@ from typing import Any
 from analytic.mechanism.load_table import with_tables
 from analytic.mechanism.units import SiUnit, UnitError, factor_to_si
 
-NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
+NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?:1/)?[A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
 BARE = re.compile(r"[-+\d.eE\s]+")  # a number alone, whose e is no unit
 BODY = {
     "points": "m",

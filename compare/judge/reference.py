@@ -18,7 +18,7 @@ from analytic.kinematics.schedule import Schedule, Turning
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count, one_line
 from analytic.mechanism.sensing import read_again, with_sensors
-from analytic.mechanism.signals import Signal, driving, named, position, wrapped
+from analytic.mechanism.signals import OF_MOTION, Signal, driving, named, position, wrapped
 from analytic.paper.clearance import Displaced, Model, displaced
 from analytic.paper.compliance import compliance
 from analytic.paper.envelope import condition
@@ -99,6 +99,7 @@ def reference(
     moving: Turning | None = None,
     errors: Turning | None = None,
     more: Collection[str] = (),
+    alone: bool = False,
 ) -> Reference:
     """The analytic model at the instants (N,) of a schedule, with these clearances (m; none for ideal joints).
 
@@ -109,9 +110,11 @@ def reference(
     ``moving`` are the inputs as a record has them, (N,) of a crank or (n_inputs, N), where these are not just what the
     schedule's drives do; of a linkage that is let go, the state (1,) in which it is, and where only some of its
     freedoms are, the inputs (n_inputs, 1) where they begin.  ``errors`` say how exactly they are known (rms, the same
-    shapes).  ``more`` are the names of signals on request that are asked for.  Raises AssemblyError.
+    shapes).  ``more`` are the names of signals on request that are asked for.  Where a joint's sliding, or what a load
+    opposes, reverses there is no answer: to either side for a while, as a simulation has none there to be held against,
+    unless the model stands ``alone``, whose motion is known there too.  Raises AssemblyError.
     """
-    side = _every(assembly, schedule, model, clearances, moving, errors, bool(more))
+    side = _every(assembly, schedule, model, clearances, moving, errors, bool(more), alone)
     return side.only(assembly.mechanism, more) if more else side
 
 
@@ -123,6 +126,7 @@ def _every(
     moving: Turning | None,
     errors: Turning | None,
     rates: bool,
+    alone: bool,
 ) -> Reference:
     """The same with all signals on request, or none."""
     if schedule.lets_go and schedule.crank is not None:
@@ -134,7 +138,7 @@ def _every(
         return _free(assembly, schedule, None if moving is None else moving.theta[:, 0], rates)
     moving = moving or assembly.inputs_along(schedule)
     still = _still(assembly, schedule) if schedule.at_rest else frozenset()
-    side = _side(assembly, moving, schedule, model, clearances, rates, still)
+    side = _side(assembly, moving, schedule, model, clearances, rates, alone, still)
     side = _at_rest(side, assembly.mechanism) if schedule.at_rest else side
     if errors is not None:
         side = replace(side, unsure=_unsure(side, assembly, moving, errors, schedule, model, clearances, rates))
@@ -214,6 +218,7 @@ def _side(
     model: Model,
     clearances: Mapping[str, float],
     rates: bool,
+    alone: bool,
     still: Collection[str] = (),
 ) -> Reference:
     """The analytic model along a schedule's motion of the crank, or of several inputs, flagged where friction has no
@@ -246,19 +251,22 @@ def _side(
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(answer.ideal.motion)
     rough = [name for name in clearances if mechanism.joint(name).friction]
-    turning = friction_turns(answer.ideal.motion, REVERSAL if inertia else 0.0, rough)
+    reversal = REVERSAL if inertia and not alone else 0.0
+    turning = friction_turns(answer.ideal.motion, reversal, rough)
     turning = {name: here for name, here in turning.items() if name not in still}
     by_motor = _own_friction(mechanism, turning)
     turning = {name: here for name, here in turning.items() if name not in by_motor}
     loose, peaks = answer.reactions.undetermined, largest(signals[model])
     side = Reference(signals[model], ideal, order, answer.flags, peaks=peaks, undetermined=loose)
-    opposed = load_turns(answer.ideal.motion, REVERSAL if inertia else 0.0)
+    opposed = load_turns(answer.ideal.motion, reversal)
     flags = _reversals(turning) | {
         int(i): f"what the load on {body} opposes stands or turns back here, and it has no direction"
         for body, here in opposed.items()
         for i in np.flatnonzero(here)
     }
-    side = _without({i: why for i, why in flags.items() if i not in answer.flags}, side)
+    known = named(mechanism.bodies, mechanism.joints, mechanism.drives, mechanism.sensors)
+    sure = [name for name in side.signals if alone and not clearances and known[name].kind in OF_MOTION]
+    side = _without({i: why for i, why in flags.items() if i not in answer.flags}, side, sure)
     return silenced(side, {signal.name: turned for signal, turned in by_motor.values()})
 
 
@@ -417,12 +425,12 @@ def _reversals(turning: Mapping[str, np.ndarray]) -> dict[int, str]:
     }
 
 
-def _without(flags: Mapping[int, str], side: Reference) -> Reference:
-    """A side with NaN at the samples that are flagged."""
+def _without(flags: Mapping[int, str], side: Reference, sure: Collection[str] = ()) -> Reference:
+    """A side with NaN at the samples that are flagged, but for signals that are ``sure`` there."""
     if not flags:
         return side
     silent = list(flags)
     signals = {name: np.array(values) for name, values in side.signals.items()}
-    for values in signals.values():
-        values[silent] = np.nan
+    for name in signals.keys() - set(sure):
+        signals[name][silent] = np.nan
     return replace(side, signals=signals, flags={**side.flags, **flags})

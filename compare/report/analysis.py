@@ -9,7 +9,7 @@ from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report import analysis_page
-from compare.report.peaks import GOOD, error_peaks, over, poor, powers, strokes
+from compare.report.peaks import GOOD, error_peaks, mean_torque, over, poor, powers, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
@@ -54,9 +54,10 @@ def print_table(result: Analysis, console: Console) -> None:
     if result.tolerances is not None:
         print_signals(result.tolerances, over(result), console)
     if result.mechanism.speed is not None:
-        speed = result.mechanism.speed
+        speed, mean = result.mechanism.speed, mean_torque(result)
         watts = [np.nanmax(values) for values in powers(result).values()]
-        power = f", at most {plain(max(watts))} W" if watts else ""
+        power = f", at most {plain(max(watts), 4)} W" if watts else ""
+        power += f", in the mean {plain(mean * speed, 4)} W" if power and mean is not None else ""
         say(console, f"drive: {plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s){power}")
     for joint, stroke in strokes(result):
         say(console, f"stroke of {joint}: {stroke}")

@@ -16,6 +16,7 @@ from compare.report.figure import Axis, Figure, Numbers, Series, scaled
 from compare.report.peaks import (
     GOOD,
     NOTHING,
+    Acting,
     End,
     Erring,
     Of,
@@ -26,6 +27,7 @@ from compare.report.peaks import (
     peak,
     peaks,
     powers,
+    together,
     transmission_angle,
 )
 from compare.results.analysis import Analysis, Simulation
@@ -155,9 +157,13 @@ def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
 
 
 def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
-    """What loads that vary do, where some of them do anything."""
+    """What loads that vary do, where some of them do anything; those at one place together."""
     for unit, what in (("N", "force"), ("N·m", "torque")):
-        lines = {each.label: each.size for each in acting(result) if each.unit == unit and each.load.varies}
+        at_place: dict[str, list[Acting]] = {}
+        for each in acting(result):
+            if each.unit == unit and each.load.varies:
+                at_place.setdefault(each.label, []).append(each)
+        lines = {label: together(loads) for label, loads in at_place.items()}
         yield from _in_sixes(result, f"load_{what}", f"Loads that vary: {what}", Axis(what, unit), lines, {})
 
 

@@ -20,6 +20,7 @@ from compare.report.peaks import (
     NOTHING,
     Acting,
     acting,
+    mean_torque,
     over,
     peaks,
     poor,
@@ -68,10 +69,8 @@ def _facts(result: Analysis) -> dict[str, str]:
     facts["Motion"] = "in motion, with inertia forces" if result.motion == "driven" else "at rest in each position"
     facts[x.label.capitalize()] = f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}"
     facts["Radial clearance"] = sizes or "none"
-    torque = result.extremes.get("drive_torque")
-    if m.speed and result.motion == "driven" and over(result).around and torque is not None and torque.mean is not None:
-        largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
-        mean = torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
+    mean = mean_torque(result)
+    if m.speed and mean is not None:
         work = mean * 2 * np.pi * np.sign(m.speed)
         facts["Mean power of the drive"] = f"{number(mean * m.speed, 4)} W, {number(work, 4)} J a turn"
     facts |= {f"Stroke of {joint}": stroke for joint, stroke in strokes(result)}

@@ -6,15 +6,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.parts import GROUND, TINY
+from analytic.mechanism.parts import GROUND, MASS_CENTRE, TINY
 from analytic.mechanism.signals import continued, wrapped
+from compare.limits import STROKE
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
@@ -84,9 +85,11 @@ class Peak:
         return self.quantity.label, self.quantity.unit, *cells
 
 
-def peak(result: Analysis | Simulation, quantity: Quantity) -> Peak:
-    """The highest and lowest value of a signal, between the samples too where they were looked for there."""
-    found = result.extremes.get(quantity.signal) if isinstance(result, Analysis) else None
+def peak(result: Analysis | Simulation, quantity: Quantity, sought: str = "") -> Peak:
+    """The highest and lowest value of a signal, between the samples too where they were looked for there, under the
+    name ``sought`` where that is another.
+    """
+    found = result.extremes.get(sought or quantity.signal) if isinstance(result, Analysis) else None
     if found is not None and None not in (found.highest, found.highest_at, found.lowest, found.lowest_at):
         ends = ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
         return Peak(quantity, *(End(quantity.factor * (v or 0.0), place(result, at or 0.0)) for v, at in ends))
@@ -224,11 +227,11 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
     for joint in (joint for joint in m.joints if GROUND in joint.bodies):
         body = next(name for name in joint.bodies if name != GROUND)
         name, what = (f"position_{joint.name}", joint.name) if joint.prismatic else (f"{body}_angle", body)
-        values = result.signals[name]
+        values = result.signals[name][np.isfinite(result.signals[name])]
         way = np.diff(values, append=values[:1])
         way = np.sign(way if joint.prismatic else wrapped(way))
         if np.sum(way != np.roll(way, 1)) == 2:
-            ends = peak(result, known[name])
+            ends = peak(result, known[name], f"{STROKE}{what}")
             up = (ends.highest.at - ends.lowest.at) % 360
             long, short = max(up, 360 - up), min(up, 360 - up)
             travel = f"{plain(ends.highest.value - ends.lowest.value, 4)} {known[name].unit}"
@@ -236,6 +239,15 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
                 what,
                 f"{travel}, {plain(long, 4)} deg one way, {plain(short, 4)} deg back ({long / short:.2f}:1)",
             )
+
+
+def mean_torque(result: Analysis) -> float | None:
+    """The mean (N.m) over a turn of what turns a crank that has a speed; None where that is not known, or not asked."""
+    torque = result.extremes.get("drive_torque")
+    if not over(result).around or result.motion != "driven" or torque is None or torque.mean is None:
+        return None
+    largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
+    return torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
 
 
 def parts_of(error: ErrorByJoint) -> dict[str, np.ndarray]:
@@ -286,13 +298,16 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
         share = np.ones(len(over(result).values))
         if load.over:
             values = m.load_values(load, result.signals, _time(result))
+            values = result.crank_angle if load.over == "crank_angle" else values  # also where there is no answer
             if values is None:
                 continue
             share = np.asarray(load.share(values, m.load_quantities[load.over].kind == "angle"))
+            share = np.where(np.isfinite(values), share, np.nan)
         size, way = math.hypot(*load.force), _way(result, load) if load.opposes else np.ones(share.size)
         if size:
             way = way * (1.0 if load.opposes else complex(*load.force) / size)
-            yield Acting(load, f"force on {load.body}", "N", size * share, way)
+            at = "" if load.point == MASS_CENTRE else f" at {load.point}"
+            yield Acting(load, f"force on {load.body}{at}", "N", size * share, way)
         if load.torque:
             torque = load.torque * share
             if load.opposes:
@@ -301,6 +316,13 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
                 rate = _moved(result, continued(result.signals[f"{load.body}_angle"])) if still else rate
                 torque = -np.abs(torque) * np.sign(rate)
             yield Acting(load, f"torque on {load.body}", "N·m", torque, way)
+
+
+def together(loads: Sequence[Acting]) -> np.ndarray:
+    """What loads at one place come to: the size (N,) of their force, or their torque with its sign."""
+    if len(loads) == 1 or loads[0].unit != "N":
+        return np.asarray(sum(each.size for each in loads))
+    return np.abs(sum(np.where(each.size == 0, 0.0, each.size * each.way) for each in loads))
 
 
 def _time(result: Analysis | Simulation) -> np.ndarray | None:

@@ -35,7 +35,8 @@ def said(result: OneSide) -> Iterator[str]:
         for at, why in unanswered(result):
             where = f"{count(len(at), 'sample')} of {len(over(result).values)}, first {over(result).at(at[0])}"
             yield f"no answer at {where}: {why}; peaks are of the others"
-        if result.flags and result.motion == "driven" and result.analytic_model == "equilibrium":
+        turned = bool(result.flags and result.clearance)
+        if turned and result.motion == "driven" and result.analytic_model == "equilibrium":
             yield "where a reaction turns too fast, first_order has an answer, and a simulation with contact"
     yield from (f"assumed: {line}" for line in assumptions(result.assumed))
 

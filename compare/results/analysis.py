@@ -183,7 +183,10 @@ class Analysis(_Side):
     ] = None
     extremes: Annotated[
         Mapping[str, Extremes],
-        Field(description="By signal, and of the transmission angle, over closely spaced crank angles or times."),
+        Field(
+            description="By signal, of the transmission angle, and without clearance of each slide's travel and each"
+            " body's angle (stroke_<name>), over closely spaced crank angles or times."
+        ),
     ] = {}
     errors: Annotated[
         Mapping[str, OutputError],

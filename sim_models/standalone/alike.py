@@ -24,8 +24,12 @@ def share(how: Mapping[str, Any], where: Callable[[Mapping[str, str]], float]) -
         return float(np.interp(here, values, factors, period=turn if over["kind"] == "angle" else None))
     low, high = how["stretch"] or (0.0, 0.0)
     if over["kind"] != "angle":
-        return float(min(low, high) <= here <= max(low, high))
-    return float(high - low >= turn or (here - low) % turn <= (high - low) % turn)
+        return float(min(low, high) <= here < max(low, high))
+    if high - low >= turn:
+        return 1.0
+    first, last = low % turn, high % turn
+    begun, open_yet = here % turn >= first, here % turn < last
+    return float(begun and open_yet if first < last else begun or open_yet)
 
 
 def against(
