@@ -57,7 +57,7 @@ LOOKS = 360  # at the least over times, however few these are
 MOST_LOOKS = 1440
 UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
 SAME_PLACE = 0.5  # deg, between pins that cross their bearings: a sentence says one of them
-CLOSER, ROUNDS = 5, 4  # looks to either side of such a peak, so many times as close as the last ones: to 0.002 deg
+CLOSER, ROUNDS = 20, 2  # looks to either side of such a peak, so many times as close as the last ones: to 0.0025 deg
 
 
 @answers(AnalyseQuestion)
@@ -238,7 +238,7 @@ def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion)
     that the angles make; nothing where there are too few or too many, or where the linkage cannot be followed closely.
 
     Between looks a signal is the parabola through three of them, where it bends evenly; around a peak where it does not
-    it is looked at again, more and more closely: where a load begins or ends it jumps.
+    it is looked at again, more closely; and once more where it may jump, as loads begin and end, or friction turns.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
     x = schedule.time if theta is None else theta
@@ -264,7 +264,7 @@ def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion)
         signals = {name: values for name, values in look(close).items() if np.isfinite(values).any()}
         step, peaks = close[1] - close[0], {name: _peaks(values, close, whole) for name, values in signals.items()}
         looks = [(close, signals)]
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS if any(load.varies for load in m.loads) or any(j.rubs for j in m.joints) else 1):
             rough = [_utmost(peaks[n], n, looks)[k][1] for n in peaks for k in (0, 1) if peaks[n][k][0] is None]
             around = np.unique(np.add.outer(rough, step * np.arange(-CLOSER, CLOSER + 1) / CLOSER))
             around = around[(around >= low) & (around <= high)]

@@ -313,7 +313,7 @@ def test_a_file_or_a_case_alone_asks_for_its_analysis(tmp_path: Path, monkeypatc
     assert run("paper --quiet", monkeypatch) == (0, "")
     assert run("nowhere.toml", monkeypatch)[0] == 2
     assert run("nothing", monkeypatch)[0] == 2
-    assert run("mine.toml --simulator mujoco", monkeypatch)[0] == 2
+    assert run("mine.toml --angles 0:355:5 --compliance --simulator mujoco", monkeypatch)[0] == 2  # of an analysis
 
 
 @pytest.mark.long_rows("pdf-%PDF")

@@ -19,7 +19,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
-from compare.report.peaks import acting, strokes
+from compare.report.peaks import acting, strokes, together
 from engine_checks import CALM, agreed
 from engines_here import missing
 from marks import slow, slow_but
@@ -150,6 +150,56 @@ def test_a_tool_that_cuts_both_ways_turns_with_the_ram_and_says_nothing_where_th
     dead = math.asin(-RADIUS / BELOW)  # where the crank is square to the lever, the ram stands
     result = lc.analyse(shaper(both), motion=motion, angles=np.array([0.5, math.pi - dead, 4.0]))
     assert result.flags == {"1": "what the load on ram opposes stands or turns back here, and it has no direction"}
+
+
+@pytest.mark.parametrize("seam", [200.0, 270.0, 300.0])
+def test_cuts_that_follow_one_another_act_one_at_a_time_and_their_peak_is_that_of_one(seam: float) -> None:
+    """Also where they meet, which is a sample, and where the first one's peak is: at the end of it, which it is not."""
+    ends = (CUT[0], math.radians(seam), CUT[1]) if seam > 200.0 else (math.radians(180.0), *CUT)
+    parts = [TOOL.model_copy(update={"start": a, "end": b}) for a, b in itertools.pairwise(ends)]
+    light = [parts[0].model_copy(update={"force": (100.0, 0.0)}), parts[1]]
+    angles = np.radians(np.arange(0.0, 360.0, 10.0))
+    torque = [
+        lc.analyse(shaper(*loads), motion="static", angles=angles).extremes["drive_torque"] for loads in (parts, light)
+    ]
+    near = np.linspace(ends[1], ends[2], 20001)
+    largest = 400.0 * float(np.abs(slope(near)).max())
+    assert torque[1].highest == pytest.approx(largest, rel=2e-4)
+    whole = np.abs(slope(np.linspace(ends[0], ends[2], 20001)))
+    assert torque[0].highest == pytest.approx(400.0 * float(whole.max()), rel=2e-4)
+
+
+def test_a_stroke_is_known_whatever_loads_and_clearance_leave_without_an_answer_where_it_ends() -> None:
+    """What opposes has no direction there, and pins cross their bearings."""
+    cut = Load(body="ram", force=(400.0, 0.0), opposes=True)
+    alone = dict(strokes(lc.analyse(shaper(), angles=TURN)))
+    lean = math.degrees(math.asin(RADIUS / BELOW))
+    angles = np.radians(
+        np.append(np.arange(0.0, 360.0, 10.0), [180.0 + lean, 360.0 - lean])
+    )  # where the ram turns back
+    for m in (shaper(cut), shaper(cut).with_clearances({"A": 5e-5, "Q": 5e-5})):
+        result = lc.analyse(m, angles=np.sort(angles), limits={"stroke_S": "353:354 mm"})
+        assert result.flags
+        assert dict(strokes(result)) == alone
+        assert result.limits["stroke_S"].verdict == "holds"
+    still = lc.analyse(shaper(cut), angles=np.sort(angles))
+    assert np.isfinite(still["position_S"]).all()  # without clearance, whatever acts
+    assert np.isnan(still["drive_torque"]).sum() == len(still.flags) == 2
+
+
+def test_loads_at_one_place_are_drawn_together_and_where_there_is_no_answer_too() -> None:
+    back = TOOL.model_copy(update={"force": (40.0, 0.0), "start": CUT[1], "end": CUT[0]})
+    m = shaper(TOOL, back).with_clearances({"A": 5e-5})
+    result = lc.analyse(m, angles=np.radians(np.arange(0.0, 360.0, 10.0)))
+    assert result.flags
+    drawn = together([each for each in acting(result) if each.label == "force on ram"])
+    degrees = np.degrees(result.crank_angle).round()
+    np.testing.assert_allclose(drawn, np.where((degrees >= 200) & (degrees < 340), 400.0, 40.0))
+
+
+def test_a_load_that_begins_at_330_rad_is_asked_about() -> None:
+    with pytest.warns(UserWarning, match=r'^shaper: from of the load on ram is 330 rad; .* Write "330 deg"$'):
+        shaper(TOOL.model_copy(update={"start": 330.0, "end": 210.0}))
 
 
 def test_a_brake_takes_its_torque_times_the_turning_of_its_body() -> None:

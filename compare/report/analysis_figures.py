@@ -161,7 +161,7 @@ def _loads(result: Analysis | Simulation) -> Iterator[Figure]:
     for unit, what in (("N", "force"), ("N·m", "torque")):
         at_place: dict[str, list[Acting]] = {}
         for each in acting(result):
-            if each.unit == unit and each.load.varies:
+            if each.unit == unit and (each.load.over or (each.load.opposes and unit != "N")):  # a size that stays
                 at_place.setdefault(each.label, []).append(each)
         lines = {label: together(loads) for label, loads in at_place.items()}
         yield from _in_sixes(result, f"load_{what}", f"Loads that vary: {what}", Axis(what, unit), lines, {})

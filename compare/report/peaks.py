@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.parts import GROUND, MASS_CENTRE, TINY
+from analytic.mechanism.parts import GROUND, TINY
 from analytic.mechanism.signals import continued, wrapped
 from compare.limits import STROKE
 from compare.quantities import Quantity, drive_signals, plain, quantities, shown
@@ -306,7 +306,7 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
         size, way = math.hypot(*load.force), _way(result, load) if load.opposes else np.ones(share.size)
         if size:
             way = way * (1.0 if load.opposes else complex(*load.force) / size)
-            at = "" if load.point == MASS_CENTRE else f" at {load.point}"
+            at = "" if load.point == "com" else f" at {load.point}"
             yield Acting(load, f"force on {load.body}{at}", "N", size * share, way)
         if load.torque:
             torque = load.torque * share
@@ -320,9 +320,11 @@ def acting(result: Analysis | Simulation) -> Iterator[Acting]:
 
 def together(loads: Sequence[Acting]) -> np.ndarray:
     """What loads at one place come to: the size (N,) of their force, or their torque with its sign."""
-    if len(loads) == 1 or loads[0].unit != "N":
-        return np.asarray(sum(each.size for each in loads))
-    return np.abs(sum(np.where(each.size == 0, 0.0, each.size * each.way) for each in loads))
+    sizes = np.array([each.size for each in loads])
+    alone = np.count_nonzero(sizes, axis=0) <= 1  # whichever way it acts, also where that is not known
+    if loads[0].unit != "N":
+        return np.asarray(sizes.sum(axis=0))
+    return np.where(alone, sizes.sum(axis=0), np.abs(sum(each.size * each.way for each in loads)))
 
 
 def _time(result: Analysis | Simulation) -> np.ndarray | None:
@@ -340,7 +342,8 @@ def _way(result: Analysis | Simulation, load: Load) -> np.ndarray:
     arm = body.point(load.point) - body.point("com")
     path = signals[f"{load.body}_x"] + 1j * signals[f"{load.body}_y"] + arm * turn
     moved = _moved(result, path)
-    return np.asarray(-moved / np.maximum(np.abs(moved), TINY))
+    way = np.full(moved.shape, np.nan, complex)  # unknown where the motion is
+    return np.divide(-moved, np.maximum(np.abs(moved), TINY), out=way, where=np.isfinite(moved))
 
 
 def _moved(result: Analysis | Simulation, path: np.ndarray) -> np.ndarray:
