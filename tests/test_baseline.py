@@ -455,13 +455,37 @@ def test_runs_that_differ_do_not_fit() -> None:
     )
 
 
-def test_a_changed_clearance_has_moved_and_is_said_in_millimetres(
+def test_a_changed_clearance_has_moved_and_is_said_with_the_forces_that_did(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     update(tmp_path, Planted(), PAPER.with_clearances({"A": 1e-4, "B": 1e-4}))
-    assert not check(tmp_path, Planted(), PAPER.with_clearances({"A": 1e-4, "B": 2e-4}))
-    said = "was made with clearance B 0.1 mm, and is now made with clearance B 0.2 mm"
-    assert said in capsys.readouterr().out
+    changed = PAPER.with_clearances({"A": 1e-4, "B": 2e-4})
+    assert not check(tmp_path, Planted(), changed)
+    said = capsys.readouterr().out
+    assert "the linkage is another: joint.B.clearance 0.0001 -> 0.0002\n" in said
+    assert "reaction_B_angle moved by" in said
+    path = file_of(tmp_path, "paper", "planted")
+    old = re.sub(r"(?s)\[linkage\].*?\n\n", "", path.read_text(encoding="utf-8"), count=1)  # as it was written before
+    path.write_text(old, encoding="utf-8")
+    assert not check(tmp_path, Planted(), changed)
+    assert "was made with clearance B 0.1 mm, and is now made with clearance B 0.2 mm" in capsys.readouterr().out
+
+
+def test_another_linkage_is_said_where_its_forces_moved_and_where_none_did(tmp_path: Path) -> None:
+    update(tmp_path, Planted())
+    path = file_of(tmp_path, "paper", "planted")
+    stiffer = PAPER.with_body("coupler", youngs_modulus=3e11)  # which rigid bodies do not feel
+    light = check_file(path, stiffer, "planted", "", lambda name: Planted())
+    assert (light.status, light.moved) == ("same", ())
+    assert light.changed.startswith("body.coupler.youngs_modulus ")
+    assert light.changed.endswith(" -> 300000000000.0")
+    moved_ = check_file(path, stiffer, "planted", "", lambda name: Planted(turned("B", np.radians(0.02))))
+    assert moved_.sentences[0] == f"the linkage is another: {light.changed}"
+    failures = [case.failure for case in _cases(moved_) if case.failure]
+    assert failures[0] == moved_.sentences[0]
+    assert len(failures) == 1 + len(moved_.moved)
+    same = check_file(path, PAPER, "planted", "", lambda name: Planted(turned("B", np.radians(0.02))))
+    assert same.changed == ""  # so that it is the engine, or this code
 
 
 def test_what_moved_is_marked_on_the_command_s_own_file_and_a_damaged_baseline_on_itself(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,6 +56,27 @@ class Dotted:
     name: str
     place: tuple[str | int, ...]
     unit: str
+
+
+def by_name(mechanism: Mechanism) -> dict[str, object]:
+    """What a mechanism's file says, by dotted names; a list of numbers, and a table of a load, whole."""
+    out: dict[str, object] = {}
+    for table, value in as_written(mechanism).items():
+        parts = value if table in CALLED and isinstance(value, list) else [value]
+        for k, part in enumerate(parts, 1):
+            called = CALLED.get(table) if table not in NUMBERED else ""
+            place = table if called is None or len(parts) == 1 else f"{table}.{part[called] if called else k}"
+            fields = {n: v for n, v in part.items() if n != called} if called else part
+            out |= dict(_leaves(place, fields))
+    return out
+
+
+def _leaves(place: str, value: object) -> Iterator[tuple[str, object]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(f"{place}.{name}", inner)
+    else:
+        yield place, value
 
 
 def find(mechanism: Mechanism, name: str) -> Dotted:

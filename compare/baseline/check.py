@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -10,15 +11,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pydantic import JsonValue
+
 from analytic.kinematics.closure import AssemblyError
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
+from analytic.mechanism.dotted import by_name
 from analytic.mechanism.file import shipped_cases
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import named
 from analytic.writing import OutputError, write_atomically
 from compare.arguments import Linkage, Names, engines, linkage, modelling, on_request, warn_of_friction
-from compare.baseline.comparison import fits, moved, remade
+from compare.baseline.comparison import changed, fits, moved, remade
 from compare.baseline.file import PLACE_COLUMNS, Baseline, BaselineError, StoredRun, by_itself, owned, read, write
 from compare.baseline.runs import of_results, simulated
 from compare.check import layout_of, result_files
@@ -143,6 +147,11 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
     return _baselines(folder, entries, [unused(f"{map}: ", entry, headings) for entry in sorted(idle)])
 
 
+def _alike(entries: Sequence[Entry]) -> list[Entry]:
+    """The baselines of linkages that are others now, whose forces are the same all the same."""
+    return [entry for entry in entries if entry.status == "same" and entry.changed]
+
+
 def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) -> Baselines:
     """What was found, with what differs in sentences."""
     differences = [f"{e.case}, {e.simulator}: {each}" for e in entries if e.status == "moved" for each in e.sentences]
@@ -152,6 +161,7 @@ def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) 
         for e in entries
         if e.status in ("same", "moved") and e.stored_version != e.version
     ]
+    notes += [f"{e.file}: the linkage is another, though no force moved: {e.changed}" for e in _alike(entries)]
     done = len(entries) - len(faults)
     return Baselines(
         stored=str(folder),
@@ -221,9 +231,9 @@ def check_file(
     misfit = fits(stored.runs, fresh)
     if misfit:
         raise BaselineError(f"{path}: {misfit}; if that is meant, write it anew with: {again}")
-    other = remade(stored.runs, fresh)
-    moves = () if other else _moved(stored, fresh)
-    return _entry(path, stored, version, moves, "moved" if moves or other else "same", other)
+    other, moves = remade(stored.runs, fresh), _moved(stored, fresh)
+    entry = _entry(path, stored, version, moves, "moved" if moves or other else "same", other)
+    return entry.model_copy(update={"changed": changed(stored.linkage, _linkage(mechanism))})
 
 
 def update_file(
@@ -252,7 +262,7 @@ def update_file(
         raise ArgumentError(
             "signals", f"no run of {mechanism.name} in {simulator} that moves has {names}; leave it out"
         )
-    new = Baseline(mechanism.name, simulator, version, tuple(fresh))
+    new = Baseline(mechanism.name, simulator, version, tuple(fresh), linkage=_linkage(mechanism))
     moves: tuple[Moved, ...] = ()
     old, why = new, "written"
     if stored is not None:
@@ -260,10 +270,17 @@ def update_file(
         if not (fits(stored.runs, fresh) or remade(stored.runs, fresh)):
             moves = _moved(stored, fresh)
             new = replace(new, runs=tuple(_kept(stored, fresh, moves)))
-            why = "" if not moves and version == stored.version else "rewritten"
+            same = not moves and version == stored.version and not changed(stored.linkage, new.linkage)
+            why = "" if same else "rewritten"
     if why:
         write_atomically(path, write(new, checks))
     return _entry(path, old, version, moves, "written" if why else "unchanged", why)
+
+
+def _linkage(mechanism: Mechanism) -> dict[str, JsonValue]:
+    """What a linkage's file says, as a baseline has it."""
+    fields = by_name(mechanism)
+    return {name: value for name, value in json.loads(json.dumps(fields)).items() if name != "name"}
 
 
 def _more(mechanism: Mechanism, stored: Baseline | None) -> list[str]:

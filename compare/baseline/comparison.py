@@ -16,6 +16,7 @@ from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, Stored
 from compare.results.baselines import Moved
 
 SAME_ROW = 1e-6  # deg, s
+MOST_NAMED = 5  # fields of a linkage that has changed
 WEAK_JOINT = 1e-3  # of the run's largest force: the size of a weaker joint's is held to that
 
 
@@ -46,6 +47,20 @@ def remade(stored: Sequence[StoredRun], fresh: Sequence[StoredRun]) -> str:
         if was != now:
             return f"run {run.name!r} was made with {_others(was, now)}, and is now made with {_others(now, was)}"
     return ""
+
+
+def changed(stored: Mapping[str, JsonValue], now: Mapping[str, JsonValue]) -> str:
+    """In which fields a linkage is another than the one that is stored, in words; empty where it is the same, or none
+    is stored.
+    """
+    names = [name for name in {**stored, **now} if stored.get(name) != now.get(name)] if stored else []
+    said = [f"{name} {_told(stored.get(name))} -> {_told(now.get(name))}" for name in names[:MOST_NAMED]]
+    more = len(names) - MOST_NAMED
+    return ", ".join([*said, *([f"and {more} more"] if more > 0 else [])])
+
+
+def _told(value: JsonValue) -> str:
+    return "none" if value is None else inline(value)
 
 
 def _others(added: Mapping[str, JsonValue], beside: Mapping[str, JsonValue]) -> str:

@@ -73,6 +73,7 @@ class Baseline:
     version: str
     runs: tuple[StoredRun, ...]
     tolerance: MovedLimits = field(default_factory=MovedLimits)
+    linkage: Mapping[str, JsonValue] = field(default_factory=dict)  # what its file says, by dotted names; of old: none
 
 
 class _BaselineRun(_BaselinePart):
@@ -89,6 +90,7 @@ class _BaselineFile(_BaselinePart):
     simulator: str
     version: str
     tolerance: MovedLimits
+    linkage: dict[str, JsonValue] = {}
     runs: list[_BaselineRun] = Field(alias="run", min_length=1)
 
 
@@ -146,7 +148,7 @@ def read(path: Path, case: str, simulator: str, again: str) -> Baseline:
         )
         for r in file.runs
     )
-    return Baseline(case, simulator, file.version, runs, file.tolerance)
+    return Baseline(case, simulator, file.version, runs, file.tolerance, file.linkage)
 
 
 def _faults(run: _BaselineRun) -> Iterator[str]:
@@ -184,6 +186,9 @@ def write(baseline: Baseline, check: str) -> str:
         f"rms = {t.rms:<10}       # of the stored value",
         f"free_share = {t.free_share}",
     ]
+    if baseline.linkage:
+        lines += ["", "[linkage] # whose forces these are, SI units"]
+        lines += [f"{_string(name)} = {inline(value)}" for name, value in baseline.linkage.items()]
     for run in baseline.runs:
         lines += ["", "[[run]]", f"name = {_string(run.name)}"]
         if run.added:
@@ -247,4 +252,4 @@ def inline(value: JsonValue | Sequence[JsonValue] | Mapping[str, JsonValue]) -> 
         return "{ " + ", ".join(f"{key} = {inline(item)}" for key, item in value.items()) + " }"
     if isinstance(value, Sequence) and not isinstance(value, str):
         return "[" + ", ".join(map(inline, value)) + "]"
-    return _string(value) if isinstance(value, str) else repr(value)
+    return _string(value) if isinstance(value, str) else json.dumps(value) if isinstance(value, bool) else repr(value)

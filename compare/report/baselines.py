@@ -53,9 +53,8 @@ def _cases(entry: Entry) -> Iterator[JUnitCase]:
     if entry.status in ("unusable", "failed"):
         yield JUnitCase(place, "baseline", error=entry.why, kind=entry.status, file=entry.file)
         return
-    if entry.status == "moved" and not entry.moved:
-        yield JUnitCase(place, "runs", failure=entry.why, kind="moved", look=entry.look)
-        return
+    if entry.status == "moved" and (entry.changed or entry.why):
+        yield JUnitCase(place, "linkage", failure=entry.sentences[0], kind="moved", look=entry.look)
     moved = {(each.run, each.signal): each for each in entry.moved}
     for run, signals in entry.compared.items():
         for signal in signals:

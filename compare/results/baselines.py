@@ -61,6 +61,10 @@ class Entry(Part):
         Mapping[str, tuple[str, ...]], Field(description="The signals that were compared, by run.")
     ] = {}
     moved: tuple[Moved, ...] = ()
+    changed: Annotated[
+        str,
+        Field(description="In which fields the linkage is another than the one whose forces are stored; else empty."),
+    ] = ""
     look: Annotated[str, Field(description="A command that shows every number that moved, where one did.")] = ""
     accept: Annotated[str, Field(description="A command that makes what is found now the baseline.")] = ""
     why: Annotated[
@@ -77,14 +81,17 @@ class Entry(Part):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What moved: each column, or that it is of other runs now."""
-        return tuple(each.sentence for each in self.moved) or (self.why,) * (self.status == "moved")
+        """What moved: that the linkage is another, or made otherwise now, and each column."""
+        if self.status != "moved":
+            return tuple(each.sentence for each in self.moved)
+        cause = f"the linkage is another: {self.changed}" if self.changed else self.why
+        return (*[cause] * bool(cause), *(each.sentence for each in self.moved))
 
     @property
     def words(self) -> str:
         """How many columns moved, or that none did."""
         if self.status == "moved" and not self.moved:
-            return "made otherwise than before"
+            return "made otherwise than before, and nothing moved"
         if self.moved:
             return f"{len(self.moved)} of {count(self.signals, 'signal')} in {count(self.runs, 'run')} moved"
         return f"nothing moved ({count(self.numbers, 'number')} in {count(self.runs, 'run')})"

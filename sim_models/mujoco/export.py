@@ -169,6 +169,7 @@ def _meaning(link: MujocoLinkage) -> dict[str, Any]:
                 "bearing_radius": link.radii[name][1],
                 "margin": link.contacts[name].margin,
                 "friction": float(rim.contact.friction[0]),
+                "hard": bool(rim.law.hard),
                 "soft": [rim.law.stiffness, rim.law.damping, rim.weight] if rim.second_order else None,
                 "solref": rim.contact.solref.tolist(),
                 "solreffriction": rim.contact.solreffriction.tolist(),

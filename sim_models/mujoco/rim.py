@@ -20,6 +20,8 @@ from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.laws import HARD, SOFT, WallContact, spring
 from sim_models.mujoco.striking import mean_of_touch
 
+SITE = mujoco.mjtObj.mjOBJ_SITE
+
 
 def memory(values: np.ndarray) -> memoryview[float]:
     """The memory of values (N,) of MuJoCo's, one by one: three times as fast as through the array."""
@@ -53,6 +55,19 @@ class Rim:
         self._pos, self._frame = memory(contact.pos), memory(contact.frame)
         self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
         self._step, self._part = m.opt.timestep, 1.0
+        self._changes, self._rates, self._ways = np.zeros((6, m.nv)), d.qvel, np.zeros(6)
+        velocities, self._way = np.zeros(12), memory(self._ways)
+        self._goes = memory(velocities)
+        self._seats = [
+            (
+                self._changes[3 * k : 3 * k + 3],
+                d.site_xpos[site],
+                int(m.site_bodyid[site]),
+                site,
+                velocities[6 * k :][:6],
+            )
+            for k, site in enumerate(sites)
+        ]
         if self.second_order:
             self._harden(1.0)
 
@@ -65,6 +80,24 @@ class Rim:
         r = math.hypot(gx, gy)
         self._gap, self.depth = (gx, gy, r), r - self.clearance
         return r > self.begins or (always and r > 0)
+
+    def follow(self, row: int) -> None:
+        """Have the row of a hard contact accelerate the journal from its rim as both go, not along straight lines.
+
+        MuJoCo holds J a to its reference, and leaves out how J changes on the way (J' v): a journal that goes round at
+        a speed would lie off its rim by that over the contact's stiffness.
+        """
+        gx, gy, r = self._gap
+        for change, place, body, site, velocity in self._seats:
+            mujoco.mj_jacDot(self._model, self._data, change, None, place, body)
+            mujoco.mj_objectVelocity(self._model, self._data, SITE, site, velocity, 0)
+        x = self._way
+        x[0], x[1] = gx / r, gy / r
+        x[3], x[4] = -x[0], -x[1]
+        v = self._goes
+        slip = x[0] * (v[4] - v[10]) - x[1] * (v[3] - v[9])
+        bent = float(self._ways @ self._changes @ self._rates)
+        self._data.efc_aref[row] += bent + slip**2 / r  # of the way to the middle
 
     def add(self) -> None:
         """Add the contact where the journal was seen.  Raises SimulationError."""

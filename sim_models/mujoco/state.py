@@ -85,6 +85,9 @@ def begin_step(link: MujocoLinkage) -> None:
                 if name in link.cones:
                     row = d.contact[i].efc_address
                     d.efc_aref[row] -= link.frictions[name].coefficient * abs(d.efc_aref[row + 1])
+        for i, name in enumerate(link.touching):
+            if name in link.rims and link.rims[name].law.hard:
+                link.rims[name].follow(d.contact[i].efc_address)
     if link.striking:
         strike(link)
 

@@ -137,7 +137,7 @@ class Simulation:
         touching = []
         for joint, law in self.contacts.items():
             journal, bearing = self.pins(joint)
-            gap = math.hypot((journal - bearing).real, (journal - bearing).imag)
+            gap = self.gap(joint)
             if self.seen.get(joint, (math.nan,))[0] != self.data.time:
                 before = self.seen.get(joint, (0.0, math.inf))[1]
                 self.seen[joint] = self.data.time, gap - law["clearance"], before
@@ -171,7 +171,28 @@ class Simulation:
             friction, row = self.contacts[joint]["friction"], self.data.contact[i].efc_address
             if friction:  # MuJoCo's convex cone lifts sliding surfaces at friction times slip: taken back
                 self.data.efc_aref[row] -= friction * abs(self.data.efc_aref[row + 1])
+            if self.contacts[joint]["hard"]:
+                self.follow(joint, row)
         return touching
+
+    def follow(self, joint: str, row: int) -> None:
+        """Have a hard contact accelerate the journal as it and the bearing go: MuJoCo holds J a to its reference, and
+        leaves out how J changes on the way.
+        """
+        model, data, journal, bearing = self.model, self.data, *self.pins(joint)
+        normal, changes, went = (journal - bearing) / self.gap(joint), np.zeros((6, model.nv)), []
+        for half, body in zip((changes[:3], changes[3:]), self.joints[joint]["bodies"], strict=True):
+            site = model.site(f"{joint}:{body}").id
+            mujoco.mj_jacDot(model, data, half, None, data.site_xpos[site], model.site_bodyid[site])
+            went.append(complex(*self.going(site)[:2]))
+        slip = (normal.conjugate() * (went[0] - went[1])).imag
+        ways = np.array([normal.real, normal.imag, 0, -normal.real, -normal.imag, 0])
+        data.efc_aref[row] += float(ways @ changes @ data.qvel) + slip**2 / self.gap(joint)
+
+    def gap(self, joint: str) -> float:
+        """How far a journal is from the middle of its bearing."""
+        journal, bearing = self.pins(joint)
+        return math.hypot((journal - bearing).real, (journal - bearing).imag)
 
     def wall(self, joint: str, law: dict[str, Any], depth: float) -> tuple[float, list[float], list[float]]:
         """How deep a journal is, and its contact's solref and solimp.
