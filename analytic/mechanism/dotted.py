@@ -59,15 +59,16 @@ class Dotted:
 
 
 def by_name(mechanism: Mechanism) -> dict[str, object]:
-    """What a mechanism's file says, by dotted names; a list of numbers, and a table of a load, whole."""
+    """What a mechanism has that is not left out, by dotted names; a list of numbers, and a table of a load, whole."""
     out: dict[str, object] = {}
-    for table, value in as_written(mechanism).items():
+    fields = mechanism.model_dump(by_alias=True, exclude_none=True, exclude_defaults=True, mode="json")
+    for table, value in fields.items():
         parts = value if table in CALLED and isinstance(value, list) else [value]
         for k, part in enumerate(parts, 1):
             called = CALLED.get(table) if table not in NUMBERED else ""
             place = table if called is None or len(parts) == 1 else f"{table}.{part[called] if called else k}"
-            fields = {n: v for n, v in part.items() if n != called} if called else part
-            out |= dict(_leaves(place, fields))
+            own = {n: v for n, v in part.items() if n != called} if called else part
+            out |= dict(_leaves(place, own))
     return out
 
 
