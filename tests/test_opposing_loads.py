@@ -120,6 +120,8 @@ def test_a_quick_return_says_its_stroke_and_how_much_longer_one_way_takes() -> N
     travel = 2e3 * (ABOVE + BELOW) * math.tan(lean)
     assert found["S"] == f"{travel:.4g} mm, {slow:.4g} deg one way, {fast:.4g} deg back ({slow / fast:.2f}:1)"
     assert not list(strokes(lc.analyse(shaper(), angles=TURN[:20])))  # of no whole turn
+    assert dict(strokes(lc.analyse(shaper(), angles="0:720:5"))) == found  # of two
+    lc.analyse(shaper(), angles="0:720:5").print_to()
 
 
 def test_a_rocker_says_how_far_it_swings() -> None:

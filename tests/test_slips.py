@@ -9,9 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 import tomli_w
 
+import linkage_crosscheck as lc
+from analytic.mechanism.dotted import find, with_values
 from analytic.mechanism.file import load
 from compare.diagnose import slips
 from compare.diagnose.data.measured import load_measured
@@ -51,6 +54,36 @@ def test_what_data_are_not_is_told_with_its_sensors_and_runs(seed: int, tmp_path
     assert all(signal in text for signal in made.signals)
     assert all(repr(run) in text or "every run" in text for run in made.runs)
     assert "say " in text or made.kind == "stamps"
+
+
+@pytest.mark.mujoco
+def test_a_motor_off_its_speed_is_told_beside_a_longer_rod_and_friction_that_hide_it() -> None:
+    """They are off in every turn alike, and by more than a tenth of what the speed is; a rig with them alone is
+    diagnosed.
+    """
+    nominal = load("slider-crank").replace(gravity=(0.0, -9.81))
+    rig = nominal.with_joint("O", friction_torque=0.05)
+    rig = with_values(rig, {find(rig, "body.rod.length"): 0.1203})
+    rng, speeds = np.random.default_rng(5), {"slow": 10.0, "fast": 30.0}
+
+    def frame(speed: float) -> pandas.DataFrame:
+        time = np.linspace(0.0, 3 * math.tau / speed, 700)
+        run = lc.simulate(rig.with_drive(speed=speed), "mujoco", angles=np.mod(speed * time, math.tau))
+        noise = {"crank_angle": 3e-4, "drive_torque": 0.01, "slider_x": 1e-5}
+        seen = {name: run[name] + rng.normal(0.0, size, time.size) for name, size in noise.items()}
+        seen["crank_angle"] = speed * time + rng.normal(0.0, 3e-4, time.size)
+        names = {"crank_angle": "crank_angle [rad]", "drive_torque": "drive_torque [N.m]", "slider_x": "slider_x [m]"}
+        return pandas.DataFrame({"time [s]": time, **{names[name]: values for name, values in seen.items()}})
+
+    for fast, kinds in ((1.002, {"speed"}), (1.0, set())):
+        frames = {name: frame(fast * speed) for name, speed in speeds.items()}
+        given = lc.measured(nominal, frames, speed=speeds, drive_angle=0.0)
+        found = slips.driven(given, nominal.rigid())
+        assert {slip.kind for slip in found} == kinds
+        for slip in found:
+            told_speed = float(slip.field.removeprefix("drive_speed = "))
+            assert told_speed == pytest.approx(fast * speeds[slip.run.name], rel=2e-5)
+            assert "in every turn alike" in slip.text
 
 
 @pytest.mark.parametrize("seed", slow_but((204,), GOOD))

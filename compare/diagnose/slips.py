@@ -44,6 +44,8 @@ STARTS = 36  # zeros over a turn, 10 degrees apart, that are tried: a linkage's 
 SCANNED = 60  # samples for that, of a turn at most: what turns too often takes long to follow
 # rad: zeros of two runs that differ by less are one; what is between them is as an encoder's offset is (prior.py)
 SAME_ZERO = 0.03
+SEVERAL = 2.0  # turns of the crank, from which on what is alike in each is no matter of speed
+WAVES = 8  # of a turn, of what a linkage lacks
 STEPS = 4  # of Gauss and Newton for a rate: the problem is nearly linear
 NUDGE = 1e-4  # rad, by which a motion is off at most for a difference: the square of it is below any noise
 LARGEST = 1e300  # squares: of a motion that there is none of
@@ -571,25 +573,30 @@ def _of_rate(nominal: _Nominal, run: MeasuredRun) -> list[Slip]:
     if run.drive != "speed" or not run.speed or not nominal.mechanism.cranked:
         return []
     off = _Rates(nominal, run).found()
+    beside = "" if off else ", whatever else they are off in every turn alike"
+    off = off or _Rates(nominal, run, lacking=True).found()
     if off is None:
         return []
     rate, error, before, after = off
     how = "faster" if rate > 0 else "slower"
-    text = f"the drive of {{}} is {100 * abs(rate):.2g} % {how} than its drive_speed, as all of its sensors have it"
+    said = f"{100 * abs(rate):.2g} % {how} than its drive_speed, as all of its sensors have it{beside}"
+    text = f"the drive of {{}} is {said}"
     said = f"drive_speed = {run.speed * (1 + rate):.{max(3, math.ceil(-math.log10(error)))}g}"
     return [Slip(run, TIME.name, "speed", text, before, after, (), said)]
 
 
 class _Rates:
     """A commanded run at speeds near its command, with its angle and its encoder's zero left open: neither is a matter
-    of speed.
+    of speed.  Nor is what a linkage is ``lacking``, whose readings are then off in every turn alike: over several turns
+    that is left open, too, sensor by sensor.
     """
 
-    def __init__(self, nominal: _Nominal, run: MeasuredRun) -> None:
+    def __init__(self, nominal: _Nominal, run: MeasuredRun, lacking: bool = False) -> None:
         self.nominal, self.run, self.speed = nominal, run, run.speed or 1.0
         self.parts = [np.isfinite(channel.values) for channel in run.channels.values()]
         sizes = np.cumsum([0, *(part.sum() for part in self.parts)]).tolist()
         self.places = {s: slice(*sizes[k : k + 2]) for k, s in enumerate(run.channels)}
+        self.alike = self._alike() if lacking else np.zeros((sizes[-1], 0))
         self.nudges = NUDGE / (abs(self.speed) * float(np.abs(run.time).max())), NUDGE
 
     def residual(self, rate: float, angle: float) -> np.ndarray | None:
@@ -607,18 +614,34 @@ class _Rates:
         return found if np.isfinite(found).all() else None
 
     def columns(self, rate: float, angle: float, here: np.ndarray) -> np.ndarray | None:
-        """What the residual (n,) answers to the rate, the angle and the encoder's zero, (n, 2 or 3)."""
+        """What the residual (n,) answers to the rate, the angle, and the encoder's zero or what is alike in every turn
+        (n, k).
+        """
         shifted = (rate + self.nudges[0], angle), (rate, angle + self.nudges[1])
         there = [self.residual(*each) for each in shifted]
         if any(each is None for each in there):
             return None
         found = [(each - here) / nudge for each, nudge in zip(there, self.nudges, strict=True) if each is not None]
         encoder = self.nominal.encoders[0]
-        if encoder in self.places:
+        if encoder in self.places and not self.alike.size:
             zero = np.zeros(here.size)
             zero[self.places[encoder]] = -1 / self.run.channels[encoder].noise
             found.append(zero)
-        return np.column_stack(found)
+        return np.column_stack([*found, self.alike])
+
+    def _alike(self) -> np.ndarray:
+        """Waves of a turn (n, k) of each sensor alone; none over too few turns."""
+        run, turned = self.run, self.speed * self.run.time
+        size = sum(int(part.sum()) for part in self.parts)
+        if np.ptp(turned) < SEVERAL * math.tau:
+            return np.zeros((size, 0))
+        waves = np.exp(1j * np.outer(turned, np.arange(WAVES + 1)))
+        of_turn = np.hstack([waves.real, waves.imag[:, 1:]])
+        blocks = [of_turn[part] for part in self.parts]
+        every = np.zeros((size, of_turn.shape[1] * len(blocks)))
+        for k, (name, block) in enumerate(zip(run.channels, blocks, strict=True)):
+            every[self.places[name], k * of_turn.shape[1] : (k + 1) * of_turn.shape[1]] = block
+        return every
 
     def found(self) -> tuple[float, float, float, float] | None:
         """By how much (relative) the speed is off, its one sigma, and the rms without and with that; None if it is not,
@@ -650,7 +673,8 @@ class _Rates:
         """Whether some sensor tells a speed so much off, and none that could tell it another."""
         telling = False
         for place in self.places.values():
-            own, rest = columns[place][:, :2], residual[place]
+            own, rest = columns[place], residual[place]
+            own = own[:, [0, 1, *(2 + np.flatnonzero(own[:, 2:].any(axis=0)))]] if self.alike.size else own[:, :2]
             if rest.size <= own.shape[1]:
                 continue
             other = np.linalg.lstsq(own, -rest, rcond=None)[0]

@@ -223,14 +223,16 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
     m = result.mechanism
     if not over(result).around:
         return
-    known = quantities(m)
-    for joint in (joint for joint in m.joints if GROUND in joint.bodies):
+    known, x = quantities(m), over(result).values
+    turns = max(1, round(abs(x[-1] - x[0]) / 360))
+    for joint in (joint for joint in m.joints if GROUND in joint.bodies and m.driven not in joint.bodies):
         body = next(name for name in joint.bodies if name != GROUND)
         name, what = (f"position_{joint.name}", joint.name) if joint.prismatic else (f"{body}_angle", body)
         values = result.signals[name][np.isfinite(result.signals[name])]
         way = np.diff(values, append=values[:1])
         way = np.sign(way if joint.prismatic else wrapped(way))
-        if np.sum(way != np.roll(way, 1)) == 2:
+        way = way[way != 0]
+        if np.sum(way != np.roll(way, 1)) == 2 * turns:
             ends = peak(result, known[name], f"{STROKE}{what}")
             up = (ends.highest.at - ends.lowest.at) % 360
             long, short = max(up, 360 - up), min(up, 360 - up)

@@ -92,8 +92,9 @@ def balance(
     # where velocity across the row can only be an error of v, which need not become one of q
     rigid = (impedance > 0.5) & (d.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
     gained = jacobian @ a
-    followed = [row for name, row in contact_rows(link).items() if name in link.rims and link.rims[name].law.hard]
-    parting[followed] += gained[followed]  # the way that a hard contact follows (see Rim.follow) makes up for it
+    for name, row in contact_rows(link).items():
+        if name in link.rims and link.rims[name].law.hard:
+            gained[row] -= link.rims[name].bend()  # which a run follows
     older = link.setting.step / 2 if link.setting.stepped else 0.0  # s: a run's rows are damped by velocities of then
     goal = d.efc_aref + parting - gained + damping * (older * gained + np.where(rigid, d.efc_vel, 0.0))
     return StateEquations(load, push[rows], goal[rows], d.efc_R[rows].copy(), np.flatnonzero(rows))

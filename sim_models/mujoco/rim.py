@@ -20,8 +20,6 @@ from sim_models.engine import Cause, SimulationError
 from sim_models.mujoco.laws import HARD, SOFT, WallContact, spring
 from sim_models.mujoco.striking import mean_of_touch
 
-SITE = mujoco.mjtObj.mjOBJ_SITE
-
 
 def memory(values: np.ndarray) -> memoryview[float]:
     """The memory of values (N,) of MuJoCo's, one by one: three times as fast as through the array."""
@@ -55,19 +53,10 @@ class Rim:
         self._pos, self._frame = memory(contact.pos), memory(contact.frame)
         self.weight = float(m.body_invweight0[m.geom_bodyid[contact.geom], 0].sum())  # 1/kg, as MuJoCo reckons it
         self._step, self._part = m.opt.timestep, 1.0
-        self._changes, self._rates, self._ways = np.zeros((6, m.nv)), d.qvel, np.zeros(6)
-        velocities, self._way = np.zeros(12), memory(self._ways)
-        self._goes = memory(velocities)
-        self._seats = [
-            (
-                self._changes[3 * k : 3 * k + 3],
-                d.site_xpos[site],
-                int(m.site_bodyid[site]),
-                site,
-                velocities[6 * k :][:6],
-            )
-            for k, site in enumerate(sites)
-        ]
+        self._changes, self._ways = np.zeros((6, m.nv)), np.zeros(6)
+        self._way = memory(self._ways)
+        halves = zip((self._changes[:3], self._changes[3:]), sites, strict=True)
+        self._seats = [(half, d.site_xpos[site], int(m.site_bodyid[site])) for half, site in halves]
         if self.second_order:
             self._harden(1.0)
 
@@ -85,19 +74,26 @@ class Rim:
         """Have the row of a hard contact accelerate the journal from its rim as both go, not along straight lines.
 
         MuJoCo holds J a to its reference, and leaves out how J changes on the way (J' v): a journal that goes round at
-        a speed would lie off its rim by that over the contact's stiffness.
+        a speed would lie off its rim by that over the contact's stiffness.  Velocities are those of half a step ago,
+        when J was another: what damping makes of that is taken back.
+        """
+        step = self._model.opt.timestep
+        older = float(self._data.efc_KBIP[row, 1]) * step / 2
+        self._data.efc_aref[row] += self.bend(step) * (1 - older)
+
+    def bend(self, ago: float = 0.0) -> float:
+        """How the journal accelerates towards the middle (m/s^2) if no joint does, but for its swing on the rim; with
+        velocities of half a step ``ago`` (s), at this instant: J' v is bilinear in v.
+
+        That swing is left to the wall's spring: reckoned with velocities of half a step ago it would grow.
         """
         gx, gy, r = self._gap
-        for change, place, body, site, velocity in self._seats:
+        for change, place, body in self._seats:
             mujoco.mj_jacDot(self._model, self._data, change, None, place, body)
-            mujoco.mj_objectVelocity(self._model, self._data, SITE, site, velocity, 0)
         x = self._way
         x[0], x[1] = gx / r, gy / r
         x[3], x[4] = -x[0], -x[1]
-        v = self._goes
-        slip = x[0] * (v[4] - v[10]) - x[1] * (v[3] - v[9])
-        bent = float(self._ways @ self._changes @ self._rates)
-        self._data.efc_aref[row] += bent + slip**2 / r  # of the way to the middle
+        return float(self._ways @ self._changes @ (self._data.qvel + ago * self._data.qacc))
 
     def add(self) -> None:
         """Add the contact where the journal was seen.  Raises SimulationError."""

@@ -180,14 +180,14 @@ class Simulation:
         leaves out how J changes on the way.
         """
         model, data, journal, bearing = self.model, self.data, *self.pins(joint)
-        normal, changes, went = (journal - bearing) / self.gap(joint), np.zeros((6, model.nv)), []
+        normal, changes = (journal - bearing) / self.gap(joint), np.zeros((6, model.nv))
         for half, body in zip((changes[:3], changes[3:]), self.joints[joint]["bodies"], strict=True):
             site = model.site(f"{joint}:{body}").id
             mujoco.mj_jacDot(model, data, half, None, data.site_xpos[site], model.site_bodyid[site])
-            went.append(complex(*self.going(site)[:2]))
-        slip = (normal.conjugate() * (went[0] - went[1])).imag
         ways = np.array([normal.real, normal.imag, 0, -normal.real, -normal.imag, 0])
-        data.efc_aref[row] += float(ways @ changes @ data.qvel) + slip**2 / self.gap(joint)
+        step = model.opt.timestep  # velocities are those of half a step ago
+        bend = float(ways @ changes @ (data.qvel + step * data.qacc))
+        data.efc_aref[row] += bend * (1 - float(data.efc_KBIP[row, 1]) * step / 2)
 
     def gap(self, joint: str) -> float:
         """How far a journal is from the middle of its bearing."""

@@ -21,15 +21,17 @@ def would_separate(one: Proposal, other: Proposal) -> str:
     words = quantities(scene.rig.mechanism)
     best, said = LEAST, ""
     for signal, values in scene.signals[run.name].items():
-        if signal in run.channels or signal not in words or scene.rig.known[signal].kind == "clearance":
+        known = scene.rig.known[signal]
+        directed = known.kind == "reaction" and known.wraps  # of a force, which no sensor reads
+        if signal in run.channels or signal not in words or known.kind == "clearance" or directed:
             continue
         apart = np.atleast_1d(first.get(signal, 0.0) - second.get(signal, 0.0))
-        known = apart[np.isfinite(apart)]
-        size = float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+        apart = apart[np.isfinite(apart)]
+        size = float(np.sqrt(np.mean(apart**2))) if apart.size else 0.0
         share = size / max(float(np.ptp(values)), 1e-300)
         if share > best and np.ptp(values) > 0:
             best = share
-            by = amount(size, scene.rig.known[signal].unit)
+            by = amount(size, known.unit)
             said = (
                 f"a sensor for the {words[signal].label}: the two differ there by {by} (rms) in run {run.name},"
                 f" {100 * share:.2g} % of its range"
@@ -47,4 +49,5 @@ def _changes(p: Proposal, name: str) -> dict[str, np.ndarray]:
     step = float(effect.scales(scene.rig, p.place.where)[0])
     term = Term(effect, p.place.where), {effect.parameters[0].name: step}
     there, here = scene.moved(run, [*scene.hypothesis, term]), scene.signals[name]
-    return {s: (there[s] - here[s]) / step * p.found.values[r] for s in here if s != LANDING}
+    known = scene.rig.known
+    return {s: known[s].apart(there[s], here[s]) / step * p.found.values[r] for s in here if s != LANDING}
