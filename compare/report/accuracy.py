@@ -38,21 +38,37 @@ def judged(result: Accuracy) -> list[JUnitSuite]:
     return [JUnitSuite("yield", [JUnitCase((result.case,), "yield", said, "" if by.good else said, kind="yield")])]
 
 
+CLEARANCE_ALONE = {False: "95 % of the samples", True: "95 % of the samples, by clearance alone"}
+
+
 def plot(result: Accuracy, figure: Figure) -> None:
-    """Equilibrium, worst case and the band of 95 % of the samples of the outputs over the crank angle: of those that
-    move, the first six.
+    """Equilibrium, worst case and the band of 95 % of the samples of the outputs over the crank angle, and where the
+    linkage has tolerances that of 95 % of the linkages: of those that move, the first six.
     """
-    theta = np.degrees(result.crank_angle)
-    moving = [name for name, each in result.outputs.items() if np.nanmax(each.worst_case, initial=0) > LEAST_SHOWN]
+    theta, by = np.degrees(result.crank_angle), result.tolerances
+    varied = {} if by is None else by.outputs
+    moving = [
+        name
+        for name, each in result.outputs.items()
+        if np.nanmax(each.worst_case, initial=0) > LEAST_SHOWN
+        or (name in varied and np.nanmax(varied[name].sd, initial=0) > LEAST_SHOWN)
+    ]
     outputs = {name: result.outputs[name] for name in (moving or list(result.outputs))[:MOST]}
     axes = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
     figure.set_figheight(1.6 * len(outputs) + 1)
     for axis, (name, output) in zip(axes, outputs.items(), strict=True):
         unit, factor = shown(output.unit)
         spread = output.monte_carlo.free
-        axis.fill_between(theta, factor * spread.low, factor * spread.high, alpha=0.25, label="95 % of the samples")
-        axis.plot(theta, factor * output.equilibrium, label="equilibrium")
-        for sign in (-1, 1):
+        if name in varied:
+            made = varied[name].monte_carlo
+            low, high = (-1.96 * varied[name].sd, 1.96 * varied[name].sd) if made is None else (made.low, made.high)
+            axis.fill_between(theta, factor * low, factor * high, color="C2", alpha=0.25, label="95 % of the linkages")
+        if result.clearance:
+            axis.fill_between(
+                theta, factor * spread.low, factor * spread.high, alpha=0.25, label=CLEARANCE_ALONE[bool(by)]
+            )
+            axis.plot(theta, factor * output.equilibrium, label="equilibrium")
+        for sign in (-1, 1) if result.clearance else ():
             label = "worst case to first order" if sign > 0 else None
             axis.plot(theta, sign * factor * output.worst_case, "k--", linewidth=0.8, label=label)
         axis.set_title(f"{name} ({unit})", fontsize="medium", loc="left")
