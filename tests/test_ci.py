@@ -82,6 +82,14 @@ def test_bad_input_is_annotated_on_its_file(job: Path) -> None:
     assert marked == f"::error file=linkages/my%2C linkage.toml,title=compare::{said.removeprefix('compare: ')}"
 
 
+def test_a_case_that_there_is_not_leaves_its_error_in_the_folder_that_was_asked_for(job: Path) -> None:
+    done = commands.compare("--case", "renamed.toml", "--simulator", "mujoco", "--out", "out", cwd=job)
+    assert done.returncode == 2
+    assert [file.name for file in (job / "out").iterdir()] == ["junit.xml"]
+    (error,) = ElementTree.parse(job / "out" / "junit.xml").iter("error")
+    assert "renamed.toml: no such mechanism file or case" in error.get("message", "")
+
+
 def test_bad_input_leaves_one_error_in_the_junit_file_which_the_next_answer_replaces(job: Path) -> None:
     (job / "bad.toml").write_text("clearence = 1", encoding="utf-8")
     for line in (["baseline", "check", "--junit", "out/junit.xml"], ["check", "theirs.csv", "--out", "out"]):

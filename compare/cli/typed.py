@@ -117,12 +117,13 @@ class CommandLine:
         """The folder of the answer, whose result is ``file``; see :func:`compare.cli.folders.result_folder`.  Raises
         MechanismError first where there is no such case.
         """
-        case = self.words.get("case")
+        case, where = self.words.get("case"), self.asked(Where)
         if isinstance(case, str) and not os.path.lexists(case):
             from analytic.mechanism.file import load
 
+            self.tests.extend(where.out / name for name in beside if where.out and name == "junit.xml")
             load(case)
-        where = self.asked(Where)
+            self.tests.clear()
         folder = result_folder(self.context, stem, file, where.out, where.overwrite, beside)
         self.tests.extend(folder / name for name in beside if name == "junit.xml")
         return folder
