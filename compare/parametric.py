@@ -15,12 +15,15 @@ from pydantic import BaseModel, JsonValue
 
 from analytic.compiled.run import in_bulk
 from analytic.errors import Error
+from analytic.kinematics.assembly import Assembly
+from analytic.kinematics.reach import turns_fully
 from analytic.mechanism import Mechanism
 from analytic.mechanism.dotted import Dotted, FieldError, find, with_values
 from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from analytic.mechanism.units import UnitError, factor_to_si
 from analytic.mechanism.written import BARE, NUMBER
+from analytic.paper.superposition import whole_turn
 from compare.accuracy import accuracy
 from compare.analyse import analyse
 from compare.arguments import Linkage, Values, cores, engines, linkage, with_map
@@ -280,7 +283,19 @@ def _answer(run: Mapping[str, object]) -> Answer:
         return Answer(at=at, failure=why, engine_failed=isinstance(error, SimulationError | SimulatorMissing))
     if isinstance(result, CrossCheck):
         return _compared(at, result)
-    return _analysed(at, result) if isinstance(result, Analysis) else _accurate(at, result)
+    answer = _analysed(at, result) if isinstance(result, Analysis) else _accurate(at, result)
+    part = "" if options.get("angles") is not None else _part_of_turn(base, result)
+    return answer.model_copy(update={"remark": "; ".join(said for said in (part, answer.remark) if said)})
+
+
+def _part_of_turn(base: Mechanism, result: Analysis | Accuracy | PlatformAccuracy) -> str:
+    """Between which crank angles a linkage was looked at that cannot turn round as the one that is varied does."""
+    if not base.cranked or isinstance(result, PlatformAccuracy) or result.time is not None:
+        return ""
+    if whole_turn(result.crank_angle) or not turns_fully(Assembly(base)):
+        return ""
+    first, last = np.degrees(result.crank_angle[[0, -1]])
+    return f"the crank does not turn round: looked at from {first:.4g} to {last:.4g} deg"
 
 
 def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:

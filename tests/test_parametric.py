@@ -395,3 +395,14 @@ def test_a_mechanism_of_ones_own_file_is_swept_too(tmp_path: Path) -> None:
     done = commands.compare("mine.toml", "--set", "gravity.y=0,-9.81 m/s^2", "--workers", "1", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "mine" in done.stdout
+
+
+def test_a_linkage_that_no_longer_turns_round_says_so_in_its_row() -> None:
+    """A slider-crank with a rod shorter than its crank, which rocks about the dead centre; the paper's never turned."""
+    swept = lc.sweep("slider-crank", {"body.rod.length": ["45 mm", "120 mm"]}, workers=1)
+    short, long = swept.points
+    assert short.remark.startswith("the crank does not turn round: looked at from -")
+    assert (long.remark, swept.holds) == ("", False)
+    assert not lc.sweep("paper", {"drive.speed": ["60 rpm"]}, workers=1).points[0].remark
+    given = lc.sweep("slider-crank", {"body.rod.length": ["45 mm"]}, workers=1, angles="-20:20:5")
+    assert not given.points[0].remark
