@@ -1,5 +1,5 @@
 """Progress of commands and of the functions that a person calls: on standard error where that is a terminal, in the
-cell of a notebook, and nowhere else.
+cell of a notebook, line by line in the log of CI, and nowhere else.
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from compare.ci import in_ci
+
 Progress = Callable[[str, int, int | None], None]
 
 TICK = 1.0  # s, of a notebook's clock; what ends sooner needs no bar
+LOGGED = 20.0  # s, at the least, between lines of a log
 
 _up: Progress | None = None  # the bar that is up: a function that calls another has one with it
 
@@ -50,8 +53,31 @@ def _place(given: Progress | None, what: str) -> Iterator[Progress]:
     elif sys.stderr is not None and sys.stderr.isatty():
         with _terminal(what) as terminal:
             yield terminal
+    elif sys.stderr is not None and in_ci():
+        with _log() as log:
+            yield log
     else:
         yield lambda what, done, total: None
+
+
+@contextmanager
+def _log() -> Iterator[Progress]:
+    """A line now and then, of what takes long: where nobody watches a bar, it says what a job spent its time on."""
+    try:
+        copy = os.dup(sys.stderr.fileno())
+    except (OSError, ValueError):  # no file, as where a test has its own
+        yield lambda what, done, total: None
+        return
+    began = last = time.monotonic()
+    with os.fdopen(copy, "w", encoding=sys.stderr.encoding) as log:
+
+        def tell(what: str, done: int, total: int | None) -> None:
+            nonlocal last
+            if (now := time.monotonic()) - last >= LOGGED:
+                last = now
+                print(_line(what, done, total, now - began)["text/plain"], file=log, flush=True)
+
+        yield tell
 
 
 @contextmanager

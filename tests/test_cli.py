@@ -161,6 +161,9 @@ def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
         ("--motion static own.toml", "analyse --case own.toml --motion static"),
         ("own.toml --plot f.svg", "analyse --case own.toml --plot f.svg"),
         ("show own.toml", "show own.toml"),
+        ("accuracy own.toml --output rod", "accuracy --case own.toml --output rod"),
+        ("accuracy -q own.toml", "accuracy -q own.toml"),
+        ("check own.csv", "check own.csv"),
         ("--case paper own.toml", "--case paper own.toml"),  # one too many, which is said
         ("--simulator own.toml", "--simulator own.toml"),  # a simulator's name
     ],

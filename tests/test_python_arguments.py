@@ -485,6 +485,18 @@ def test_python_tells_its_progress_on_a_terminal_and_only_there(
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.mujoco
+@pytest.mark.parametrize(("ci", "told"), [("true", True), ("", False)])
+def test_the_log_of_ci_has_a_line_now_and_then(
+    ci: str, told: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CI", ci)
+    monkeypatch.delenv("GITHUB_ACTIONS", raising=False)
+    monkeypatch.setattr(progress, "LOGGED", 0.0)
+    lc.crosscheck("paper", motion="static", joint_model="ideal", angles=[0.6, 0.7], workers=1)
+    assert bool(re.search(r"mujoco ideal.*\b0:00\n", capfd.readouterr().err)) == told
+
+
 # ---------------------------------------------------------------- the same words, and what they were before
 
 

@@ -63,9 +63,15 @@ def named_after(file: str | Path) -> str:
 def spelled_out(words: Sequence[str], root: typer.core.TyperGroup) -> list[str]:
     """The words of a command line of ``root``; those whose first, but for its options, is a mechanism file, or a
     shipped case that no command is called like, ask for its analysis, or with a simulator for its cross-check.  So do
-    those that begin with what is more like a case than like a command.
+    those that begin with what is more like a case than like a command.  Behind a command that has a case and nothing
+    else without an option's name, the file may stand alone.
     """
     commands = root.commands
+    if words[0:1] and (command := commands.get(words[0])) and len(words) > 1 and "--case" not in words:
+        alone = any(o.name == "case" for o in command.params) and all(
+            o.param_type_name == "option" for o in command.params
+        )
+        return [words[0], "--case", *words[1:]] if alone and words[1].endswith(".toml") else list(words)
     flags = {word for option in root.params if getattr(option, "is_flag", False) for word in option.opts} | {
         "-h",
         "--help",
