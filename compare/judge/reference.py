@@ -112,7 +112,7 @@ def reference(
     freedoms are, the inputs (n_inputs, 1) where they begin.  ``errors`` say how exactly they are known (rms, the same
     shapes).  ``more`` are the names of signals on request that are asked for.  Where a joint's sliding, or what a load
     opposes, reverses there is no answer: to either side for a while, as a simulation has none there to be held against,
-    unless the model stands ``alone``, whose motion is known there too.  Raises AssemblyError.
+    unless the model stands ``alone`` and its crank turns evenly; its motion is known there too.  Raises AssemblyError.
     """
     side = _every(assembly, schedule, model, clearances, moving, errors, bool(more), alone)
     return side.only(assembly.mechanism, more) if more else side
@@ -251,7 +251,8 @@ def _side(
             order[signal.name] = OrderDifference(unit=unit, max=most.max, rms=most.rms, at_crank_angle=where)
     ideal = _angles(answer.ideal.motion)
     rough = [name for name in clearances if mechanism.joint(name).friction]
-    reversal = REVERSAL if inertia and not alone else 0.0
+    exact = alone and schedule.turns_evenly  # a course turns back where its samples have it, about
+    reversal = REVERSAL if inertia and not exact else 0.0
     turning = friction_turns(answer.ideal.motion, reversal, rough)
     turning = {name: here for name, here in turning.items() if name not in still}
     by_motor = _own_friction(mechanism, turning)
