@@ -317,8 +317,8 @@ def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
     (highest, highest_at), (lowest, lowest_at) = _utmost(ends, name, looks)
     theta, values = looks[0][0], looks[0][1][name]
     there = np.isfinite(values)
-    known = bool(np.all(there[1:] | there[:-1]) and there[0] and there[-1])
-    mean = np.trapezoid(values[there], theta[there]) / (theta[-1] - theta[0]) if known else np.nan
+    x, known = theta[there], np.all(there[1:] | there[:-1]) and there.sum() > 1
+    mean = np.trapezoid(values[there], x) / (x[-1] - x[0]) if known else np.nan
     return Extremes(highest=highest, highest_at=highest_at, lowest=lowest, lowest_at=lowest_at, mean=float(mean))
 
 

@@ -175,6 +175,7 @@ def test_a_stroke_is_known_whatever_loads_and_clearance_leave_without_an_answer_
     """What opposes has no direction there, and pins cross their bearings."""
     cut = Load(body="ram", force=(400.0, 0.0), opposes=True)
     alone = dict(strokes(lc.analyse(shaper(), angles=TURN)))
+    travel = 2 * (ABOVE + BELOW) * math.tan(math.asin(RADIUS / BELOW))
     lean = math.degrees(math.asin(RADIUS / BELOW))
     angles = np.radians(
         np.append(np.arange(0.0, 360.0, 10.0), [180.0 + lean, 360.0 - lean])
@@ -184,6 +185,8 @@ def test_a_stroke_is_known_whatever_loads_and_clearance_leave_without_an_answer_
         assert result.flags
         assert dict(strokes(result)) == alone
         assert result.limits["stroke_S"].verdict == "holds"
+    given = lc.analyse(shaper(cut), motion="static").extremes["drive_torque"].mean
+    assert given == pytest.approx(2 * 400.0 * travel / (2 * np.pi), rel=2e-3)  # of both strokes
     still = lc.analyse(shaper(cut), angles=np.sort(angles))
     assert np.isfinite(still["position_S"]).all()  # without clearance, whatever acts
     assert np.isnan(still["drive_torque"]).sum() == len(still.flags) == 2
