@@ -84,13 +84,21 @@ def test_a_stretch_of_a_length_is_the_same_from_either_end() -> None:
 
 @pytest.mark.parametrize("angular", [True, False])
 def test_where_one_stretch_ends_and_another_begins_one_of_them_acts(angular: bool) -> None:
-    """Split anywhere, also beside where a turn ends and a rounding away from where they meet, they act as one."""
+    """Split anywhere, also beside where a turn ends and a rounding away from where they meet, they act as one; also
+    where the end is told a turn later than the beginning of the next.
+    """
     ends = np.radians([20.0, 90.0, 160.0, 345.0, 372.0]) + (0.0 if angular else 1.0)
     parts = [Load(body="ram", force=(1.0, 0.0), over="x", start=a, end=b) for a, b in pairwise(ends.tolist())]
     whole = Load(body="ram", force=(1.0, 0.0), over="x", start=float(ends[0]), end=float(ends[-1]))
     at = np.concatenate([ends[1:-1], np.nextafter(ends[1:-1], 0.0), np.nextafter(ends[1:-1], 9.0), ends[:-1] + 1e-3])
     np.testing.assert_array_equal(sum(part.share(at, angular) for part in parts), np.ones(at.size))
     np.testing.assert_array_equal(whole.share(at, angular), np.ones(at.size))
+    for degrees in range(5, 360, 5) if angular else ():
+        meet = math.radians(degrees)
+        before = parts[0].model_copy(update={"start": meet - 1.0 + math.tau, "end": math.radians(degrees + 360)})
+        after = parts[0].model_copy(update={"start": meet, "end": meet + 1.0})
+        seam = np.array([meet, math.radians(degrees - 360), meet - 1e-6, meet + 1e-6])
+        np.testing.assert_array_equal(before.share(seam, True) + after.share(seam, True), np.ones(4))
 
 
 def test_a_table_over_the_crank_goes_on_from_turn_to_turn() -> None:

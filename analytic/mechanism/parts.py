@@ -559,6 +559,7 @@ class Drive(MechanismPart):
     periodic_torque: PeriodicTorque | None = None
 
 
+ANGLE_DIGITS = 12  # after the point, of an angle (rad) within a turn at which a load begins or ends
 PULSE = 0.01  # of the largest factor of a table: what comes and goes by less, an integrator may step over
 
 
@@ -605,6 +606,11 @@ class Table(tuple[Vector, ...]):
         values, factors = (values % math.tau)[order], factors[order]
         around = np.concatenate([values[-1:] - math.tau, values, values[:1] + math.tau])
         return around, np.concatenate([factors[-1:], factors, factors[:1]])
+
+
+def _of_turn(angle: np.ndarray | float) -> np.ndarray:
+    """An angle (rad) within a turn, rounded: 420 and 60 degrees differ in the last digit there."""
+    return np.asarray(np.round(np.mod(angle, math.tau), ANGLE_DIGITS) % round(math.tau, ANGLE_DIGITS))
 
 
 class Load(MechanismPart):
@@ -664,9 +670,9 @@ class Load(MechanismPart):
             return 1.0 * ((min(start, end) <= value) & (value < max(start, end)))
         if end - start >= turn:
             return value * 0.0 + 1.0
-        first, last = start % turn, end % turn
-        begun, open_yet = value % turn >= first, value % turn < last
-        return 1.0 * (begun & open_yet if first < last else begun | open_yet)
+        here, first, last = (_of_turn(x) for x in (value, start, end))
+        begun, open_yet = here >= first, here < last
+        return cast("Amount", 1.0 * (begun & open_yet if first < last else begun | open_yet))
 
     @property
     def shortest_stretch(self) -> float:

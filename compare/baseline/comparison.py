@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydantic import JsonValue
 
+from analytic.mechanism.errors import brief
 from analytic.mechanism.signals import wrapped
-from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, StoredRun, by_itself, inline
+from compare.baseline.file import PLACE_COLUMNS, UNDIRECTED, MovedLimits, StoredRun, by_itself, inline, printable
 from compare.results.baselines import Moved
 
 SAME_ROW = 1e-6  # deg, s
@@ -54,13 +55,15 @@ def changed(stored: Mapping[str, JsonValue], now: Mapping[str, JsonValue]) -> st
     is stored.
     """
     names = [name for name in {**stored, **now} if stored.get(name) != now.get(name)] if stored else []
-    said = [f"{name} {_told(stored.get(name))} -> {_told(now.get(name))}" for name in names[:MOST_NAMED]]
+    said = [
+        f"{printable(brief(name))} {_told(stored.get(name))} -> {_told(now.get(name))}" for name in names[:MOST_NAMED]
+    ]
     more = len(names) - MOST_NAMED
     return ", ".join([*said, *([f"and {more} more"] if more > 0 else [])])
 
 
 def _told(value: JsonValue) -> str:
-    return "none" if value is None else inline(value)
+    return "none" if value is None else printable(brief(inline(value)))
 
 
 def _others(added: Mapping[str, JsonValue], beside: Mapping[str, JsonValue]) -> str:

@@ -170,7 +170,7 @@ def write(baseline: Baseline, check: str) -> str:
     t = baseline.tolerance
     lines = [
         f"# Reaction forces of {baseline.case} in {baseline.simulator}.",
-        f"# To check them: {_printable(check)}",
+        f"# To check them: {printable(check)}",
         (
             "# Written by `compare baseline update`.  A number that changes here is a force that moved: the change"
             " wants a reason."
@@ -241,7 +241,7 @@ def _string(text: str) -> str:
     )  # but for this a JSON string is a TOML basic string
 
 
-def _printable(text: str) -> str:
+def printable(text: str) -> str:
     """Text that stays in its line of comment."""
     return "".join(c if c.isprintable() else _string(c)[1:-1] if c < " " else " " for c in text)
 

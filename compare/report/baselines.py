@@ -27,6 +27,8 @@ def lines(entry: Entry) -> list[str]:
     else:
         words = f"rewritten: {entry.words}" if entry.why == "rewritten" else entry.why
         head = f"{entry.file}: {words or 'unchanged'}"
+    same = entry.status == "same" and entry.changed
+    head = f"{head}, though the linkage is another: {entry.changed}" if same else head
     remedies = (("to look at it", entry.look), ("to accept it", entry.accept))
     return [head, *(f"  {each}" for each in entry.sentences), *(f"  {do}: {by}" for do, by in remedies if by)]
 

@@ -232,7 +232,7 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
         way = np.diff(values, append=values[:1])
         way = np.sign(way if joint.prismatic else wrapped(way))
         way = way[way != 0]
-        if np.sum(way != np.roll(way, 1)) == 2 * turns:
+        if np.sum(way != np.roll(way, 1)) == 2 * turns and f"{STROKE}{what}" in result.extremes:
             ends = peak(result, known[name], f"{STROKE}{what}")
             up = (ends.highest.at - ends.lowest.at) % 360
             long, short = max(up, 360 - up), min(up, 360 - up)
@@ -250,6 +250,15 @@ def mean_torque(result: Analysis) -> float | None:
         return None
     largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
     return torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
+
+
+def largest_powers(result: Analysis) -> Iterator[tuple[str, float]]:
+    """The largest power (W) of each motor; of a crank that turns evenly where its torque is largest."""
+    speed, torque = result.mechanism.speed, result.extremes.get("drive_torque")
+    for name, values in powers(result).items():
+        ends = (torque.highest, torque.lowest) if torque is not None and isinstance(speed, float) else ()
+        between = [end * speed for end in ends if end is not None and speed is not None] if name == "power" else []
+        yield name, max([float(np.nanmax(values)), *between])
 
 
 def parts_of(error: ErrorByJoint) -> dict[str, np.ndarray]:

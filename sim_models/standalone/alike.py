@@ -27,8 +27,8 @@ def share(how: Mapping[str, Any], where: Callable[[Mapping[str, str]], float]) -
         return float(min(low, high) <= here < max(low, high))
     if high - low >= turn:
         return 1.0
-    first, last = low % turn, high % turn
-    begun, open_yet = here % turn >= first, here % turn < last
+    here, first, last = (round(x % turn, 12) % round(turn, 12) for x in (here, low, high))
+    begun, open_yet = here >= first, here < last
     return float(begun and open_yet if first < last else begun or open_yet)
 
 
