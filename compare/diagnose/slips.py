@@ -596,7 +596,7 @@ class _Rates:
         self.parts = [np.isfinite(channel.values) for channel in run.channels.values()]
         sizes = np.cumsum([0, *(part.sum() for part in self.parts)]).tolist()
         self.places = {s: slice(*sizes[k : k + 2]) for k, s in enumerate(run.channels)}
-        self.alike = self._alike() if lacking else np.zeros((sizes[-1], 0))
+        self.lacking = lacking and abs(self.speed) * float(np.ptp(run.time)) >= SEVERAL * math.tau
         self.nudges = NUDGE / (abs(self.speed) * float(np.abs(run.time).max())), NUDGE
 
     def residual(self, rate: float, angle: float) -> np.ndarray | None:
@@ -623,18 +623,16 @@ class _Rates:
             return None
         found = [(each - here) / nudge for each, nudge in zip(there, self.nudges, strict=True) if each is not None]
         encoder = self.nominal.encoders[0]
-        if encoder in self.places and not self.alike.size:
+        if encoder in self.places and not self.lacking:
             zero = np.zeros(here.size)
             zero[self.places[encoder]] = -1 / self.run.channels[encoder].noise
             found.append(zero)
-        return np.column_stack([*found, self.alike])
+        return np.column_stack([*found, self._alike(rate)] if self.lacking else found)
 
-    def _alike(self) -> np.ndarray:
-        """Waves of a turn (n, k) of each sensor alone; none over too few turns."""
-        run, turned = self.run, self.speed * self.run.time
+    def _alike(self, rate: float) -> np.ndarray:
+        """Waves of a turn (n, k) of each sensor alone."""
+        run, turned = self.run, self.speed * (1 + rate) * self.run.time
         size = sum(int(part.sum()) for part in self.parts)
-        if np.ptp(turned) < SEVERAL * math.tau:
-            return np.zeros((size, 0))
         waves = np.exp(1j * np.outer(turned, np.arange(WAVES + 1)))
         of_turn = np.hstack([waves.real, waves.imag[:, 1:]])
         blocks = [of_turn[part] for part in self.parts]
@@ -674,7 +672,7 @@ class _Rates:
         telling = False
         for place in self.places.values():
             own, rest = columns[place], residual[place]
-            own = own[:, [0, 1, *(2 + np.flatnonzero(own[:, 2:].any(axis=0)))]] if self.alike.size else own[:, :2]
+            own = own[:, [0, 1, *(2 + np.flatnonzero(own[:, 2:].any(axis=0)))]] if self.lacking else own[:, :2]
             if rest.size <= own.shape[1]:
                 continue
             other = np.linalg.lstsq(own, -rest, rcond=None)[0]
