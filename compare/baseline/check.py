@@ -147,11 +147,6 @@ def _recorded(work: Work, question: BaselinesQuestion, results: Results, folder:
     return _baselines(folder, entries, [unused(f"{map}: ", entry, headings) for entry in sorted(idle)])
 
 
-def _alike(entries: Sequence[Entry]) -> list[Entry]:
-    """The baselines of linkages that are others now, whose forces are the same all the same."""
-    return [entry for entry in entries if entry.status == "same" and entry.changed]
-
-
 def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) -> Baselines:
     """What was found, with what differs in sentences."""
     differences = [f"{e.case}, {e.simulator}: {each}" for e in entries if e.status == "moved" for each in e.sentences]
@@ -161,7 +156,8 @@ def _baselines(folder: Path, entries: Sequence[Entry], left_out: Sequence[str]) 
         for e in entries
         if e.status in ("same", "moved") and e.stored_version != e.version
     ]
-    notes += [f"{e.file}: the linkage is another, though no force moved: {e.changed}" for e in _alike(entries)]
+    alike = (entry for entry in entries if entry.status == "same" and entry.changed)
+    notes += [f"{e.file}: the linkage is another, though no force moved: {e.changed}" for e in alike]
     done = len(entries) - len(faults)
     return Baselines(
         stored=str(folder),

@@ -627,9 +627,9 @@ class _Rates:
             zero = np.zeros(here.size)
             zero[self.places[encoder]] = -1 / self.run.channels[encoder].noise
             found.append(zero)
-        return np.column_stack([*found, self._alike(rate)] if self.lacking else found)
+        return np.column_stack([*found, self._waves(rate)] if self.lacking else found)
 
-    def _alike(self, rate: float) -> np.ndarray:
+    def _waves(self, rate: float) -> np.ndarray:
         """Waves of a turn (n, k) of each sensor alone."""
         run, turned = self.run, self.speed * (1 + rate) * self.run.time
         size = sum(int(part.sum()) for part in self.parts)

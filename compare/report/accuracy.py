@@ -38,6 +38,7 @@ def judged(result: Accuracy) -> list[JUnitSuite]:
     return [JUnitSuite("yield", [JUnitCase((result.case,), "yield", said, "" if by.good else said, kind="yield")])]
 
 
+NORMAL_95 = 1.96  # sigmas of a normal distribution, within which 95 % of it are
 CLEARANCE_ALONE = {False: "95 % of the samples", True: "95 % of the samples, by clearance alone"}
 
 
@@ -61,7 +62,8 @@ def plot(result: Accuracy, figure: Figure) -> None:
         spread = output.monte_carlo.free
         if name in varied:
             made = varied[name].monte_carlo
-            low, high = (-1.96 * varied[name].sd, 1.96 * varied[name].sd) if made is None else (made.low, made.high)
+            about, aside = np.nan_to_num(output.equilibrium), NORMAL_95 * varied[name].sd
+            low, high = (about - aside, about + aside) if made is None else (made.low, made.high)
             axis.fill_between(theta, factor * low, factor * high, color="C2", alpha=0.25, label="95 % of the linkages")
         if result.clearance:
             axis.fill_between(

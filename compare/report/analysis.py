@@ -8,7 +8,7 @@ from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report import analysis_page
-from compare.report.peaks import GOOD, error_peaks, largest_powers, mean_torque, over, poor, strokes
+from compare.report.peaks import GOOD, error_peaks, mean_torque, over, poor, power_ends, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
@@ -54,7 +54,7 @@ def print_table(result: Analysis, console: Console) -> None:
         print_signals(result.tolerances, over(result), console)
     if result.mechanism.speed is not None:
         speed, mean = result.mechanism.speed, mean_torque(result)
-        watts = [most for _, most in largest_powers(result)]
+        watts = [end.value for ends in power_ends(result).values() for end in ends]
         power = f", at most {plain(max(watts), 4)} W" if watts else ""
         power += f", in the mean {plain(mean * speed, 4)} W" if power and mean is not None else ""
         say(console, f"drive: {plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s){power}")

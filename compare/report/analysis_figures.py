@@ -26,6 +26,7 @@ from compare.report.peaks import (
     parts_of,
     peak,
     peaks,
+    power_ends,
     powers,
     together,
     transmission_angle,
@@ -144,14 +145,9 @@ def _drive(result: Analysis | Simulation) -> Iterator[Figure]:
     for unit, what in (("N·m", "torque"), ("N", "force")):
         names = {known[s].place or "drive": s for s in drive_signals(result.mechanism) if known[s].unit == unit}
         yield from _in_sixes(result, f"drive_{what}", f"Drive {what}", Axis(what, unit), *_lines(result, names))
-    watts, x = powers(result), over(result).values
+    watts, ends = powers(result), power_ends(result)
     if watts:
         largest = max(float(np.nanmax(np.abs(each))) for each in watts.values())
-        extremes = {name: [int(np.nanargmax(each)), int(np.nanargmin(each))] for name, each in watts.items()}
-        ends = {name: [End(float(watts[name][k]), float(x[k])) for k in at] for name, at in extremes.items()}
-        if "power" in ends and isinstance(speed := result.mechanism.speed, float):  # of an even crank: as its torque
-            torque = peak(result, known["drive_torque"])
-            ends["power"] = [End(end.value * speed, end.at) for end in (torque.highest, torque.lowest)]
         ends = {name: [end for end in both if abs(end.value) > NOTHING * largest] for name, both in ends.items()}
         yield from _in_sixes(result, "drive_power", "Drive power", Axis("power", "W"), watts, ends)
 

@@ -252,13 +252,17 @@ def mean_torque(result: Analysis) -> float | None:
     return torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
 
 
-def largest_powers(result: Analysis) -> Iterator[tuple[str, float]]:
-    """The largest power (W) of each motor; of a crank that turns evenly where its torque is largest."""
-    speed, torque = result.mechanism.speed, result.extremes.get("drive_torque")
-    for name, values in powers(result).items():
-        ends = (torque.highest, torque.lowest) if torque is not None and isinstance(speed, float) else ()
-        between = [end * speed for end in ends if end is not None and speed is not None] if name == "power" else []
-        yield name, max([float(np.nanmax(values)), *between])
+def power_ends(result: Analysis | Simulation) -> dict[str, list[End]]:
+    """The highest and the lowest power (W) of each motor; of a crank that turns evenly where its torque is that."""
+    x, speed = over(result).values, result.mechanism.speed
+    ends = {}
+    for name, each in powers(result).items():
+        if name == "power" and isinstance(speed, float):
+            torque = peak(result, quantities(result.mechanism)["drive_torque"])
+            ends[name] = [End(end.value * speed, end.at) for end in (torque.highest, torque.lowest)]
+        else:
+            ends[name] = [End(float(each[k]), float(x[k])) for k in (int(np.nanargmax(each)), int(np.nanargmin(each)))]
+    return ends
 
 
 def parts_of(error: ErrorByJoint) -> dict[str, np.ndarray]:
