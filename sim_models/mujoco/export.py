@@ -249,7 +249,7 @@ def _closed_by(link: MujocoLinkage, joint: Joint) -> str:
 def _stages(run: MujocoRun) -> tuple[MujocoLinkage, dict[str, Any]]:
     """The model of a run that steps, its start, and its steps."""
     record = run.record
-    state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist()}
+    state = {"time": record.time, "qpos": record.q.tolist(), "qvel": record.v.tolist(), "qacc": record.a.tolist()}
     return record.link, {**state, "stages": record.stages}
 
 

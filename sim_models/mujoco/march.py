@@ -67,14 +67,15 @@ class Log:
 
 @dataclass
 class MujocoSteps:
-    """What a run stepped: the model, its state at the first ``time`` (s), then (steps, their size in s, whether signals
-    were taken after them).
+    """What a run stepped: the model, its state and accelerations at the first ``time`` (s), then (steps, their size in s,
+    whether signals were taken after them).
     """
 
     link: MujocoLinkage
     time: float
     q: np.ndarray
     v: np.ndarray
+    a: np.ndarray
     stages: list[tuple[int, float, bool]] = field(default_factory=list)
 
 
@@ -124,7 +125,7 @@ def march(
         lean(link)
     lag = half * link.setting.step
     age(link, lag)
-    record = MujocoSteps(link, time, d.qpos.copy(), d.qvel.copy())
+    record = MujocoSteps(link, time, d.qpos.copy(), d.qvel.copy(), d.qacc.copy())
     span, room = lead + float(marks[-1] - marks[0]), room_apart(request, link)
     intervals = [*np.diff(marks, prepend=time).tolist(), *([beyond] if beyond else [])]
     stages = [substeps(each, link.setting.step) if each > 0 else (0, link.setting.step) for each in intervals]

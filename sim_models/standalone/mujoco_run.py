@@ -358,17 +358,17 @@ class Simulation:
     def driven(self) -> Iterator[dict[str, float]]:
         """Step from the start; the signals wherever they were asked for.
 
-        Forces are evaluated at the end of every stage, asked for or not: MuJoCo's solver begins each step at its last
-        solution.
+        Forces are evaluated at the end of every stage, asked for or not: a step begins with the accelerations that were
+        found last, and the first with those of the start.
         """
         model, data, start = self.model, self.data, self.start
         data.time, data.qpos[:], data.qvel[:] = start["time"], start["qpos"], start["qvel"]
+        data.qacc[:] = start["qacc"]
         half = (
             0.5 if start["half_step"] else 0.0
         )  # semi-implicit Euler holds velocities half a step older than its positions
         time, lag = data.time, half * model.opt.timestep
         self.place(time, lag)
-        self.evaluate()
         for steps, model.opt.timestep, asked in start["stages"]:
             data.qvel[:] += (lag - half * model.opt.timestep) * data.qacc
             lag = half * model.opt.timestep

@@ -377,8 +377,8 @@ def places(trace: Mapping[str, np.ndarray]) -> list[np.ndarray]:
 
 
 def wall(asked: Request, folder: Path, trace: Mapping[str, np.ndarray]) -> float:
-    """What MuJoCo's hard contacts take to push a pin back by some last digits of either body's place (accelerations
-    carry one into the next step's row): m/(time constant x damping ratio)^2 times it, as a share of the largest force.
+    """What MuJoCo's hard contacts take to push a pin back by a last digit of either body's place: m/(time constant x
+    damping ratio)^2 times it, as a share of the largest force.
 
     The last digit depends on the processor (4.6e-11 of the paper's case along a course on AMD's, 0 on Intel's).
     """
@@ -387,7 +387,7 @@ def wall(asked: Request, folder: Path, trace: Mapping[str, np.ndarray]) -> float
     stiffest = max((1.0 / (time * damping) ** 2 for time, damping in hard), default=0.0)
     force = max(float(np.abs(values).max()) for name, values in trace.items() if name.startswith("reaction"))
     digit = (
-        8 * float(np.finfo(float).epsneg) * max((float(np.abs(values).max()) for values in places(trace)), default=0.0)
+        2 * float(np.finfo(float).epsneg) * max((float(np.abs(values).max()) for values in places(trace)), default=0.0)
     )
     return digit * sum(body.mass for body in asked.mechanism.bodies) * stiffest / force
 
