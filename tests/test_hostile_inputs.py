@@ -777,7 +777,7 @@ ARGUMENTS = {
         {"mine.toml": SHORT},
     ),
     "accuracy of a loop that does not close": Row(
-        [*ACCURACY, "--case", "mine.toml"], ["mine.toml: ", "reached"], {"mine.toml": SHORT}
+        ["accuracy", "--case", "mine.toml"], ["mine.toml: ", "reached"], {"mine.toml": SHORT}
     ),
     "accuracy --clearance twice": Row(
         [*ACCURACY, "--clearance", "B=1e-4,B=1e-4"], ["--clearance B=1e-4,B=1e-4: joint B is there twice"]
@@ -796,8 +796,18 @@ ARGUMENTS = {
     "accuracy --output given twice": Row(
         [*ACCURACY, "--output", "coupler", "--output", "coupler"], ["coupler is there twice"]
     ),
+    "a list given in two": Row(
+        ["paper", "--simulator", "mujoco", "--simulator=dart"],
+        ["--simulator is given twice, mujoco and dart", "--simulator mujoco,dart"],
+    ),
+    "another list given in two": Row(
+        [*ACCURACY, "--clearance", "B=1e-4", "--clearance", "E=1e-4"], ["given twice", "--clearance B=1e-4,E=1e-4"]
+    ),
+    "two values of one option": Row(
+        ["baseline", "check", "--case", "paper", "--case", "crank-rocker"], ["--case is given twice", "keep one"]
+    ),
     "accuracy --output nothing": Row([*ACCURACY, "--output", ""], ["--output", "is no body"]),
-    "accuracy --samples 1": Row([*ACCURACY, "--samples", "1"], ["'--samples'", "greater than or equal to 2"]),
+    "accuracy --samples 1": Row(["accuracy", "--samples", "1"], ["'--samples'", "greater than or equal to 2"]),
     "accuracy --seed -1": Row([*ACCURACY, "--seed", "-1"], ["'--seed'", "greater than or equal to 0"]),
     "accuracy out of reach": Row(
         [*ACCURACY, "--angles", "20:200:5"], ["--angles 20:200:5", "change point at crank angle 180 deg"]

@@ -55,12 +55,33 @@ class Commands(typer.core.TyperGroup):
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
         """The words that are left for the command that is meant."""
         with _plain():
-            return super().parse_args(ctx, spelled_out(args, self))
+            words = spelled_out(args, self)
+            _check_once(words, self, ctx)
+            return super().parse_args(ctx, words)
 
     def invoke(self, ctx: typer.Context) -> object:  # type: ignore[override]
         """What the command that is meant gives; it reads its own words."""
         with _plain():
             return super().invoke(ctx)
+
+
+def _check_once(words: list[str], root: typer.core.TyperGroup, context: typer.Context) -> None:
+    """Raises a usage error for an option with one value that is given two: the parser would take the last."""
+    command: Any = root
+    for word in words:
+        command = getattr(command, "commands", {}).get(word, command)
+    single = {name: each for each in command.params if not each.multiple and each.nargs == 1 for name in each.opts}
+    given: dict[str, str] = {}
+    for k, word in enumerate(words[: words.index("--")] if "--" in words else words):
+        name, equals, value = word.partition("=")
+        option = single.get(name) if name.startswith("-") else None
+        if option is None or option.is_flag:
+            continue
+        value = value if equals else " ".join(words[k + 1 : k + 2])
+        before = given.setdefault(option.name, value)
+        if before != value:
+            joined = f"name them together: {name} {before},{value}" if ",..." in (option.metavar or "") else "keep one"
+            raise _UsageError(f"{name} is given twice, {before} and {value}; {joined}", context)
 
 
 @contextmanager
