@@ -294,7 +294,8 @@ def crosscheck_job(
     """Run a job.
 
     ``resolve`` and ``measure`` are where engines and the analytic side come from; tests plant faults there.  Raises
-    SimulatorMissing, Unsupported or AssemblyError; a simulation that fails is listed under ``failures``.
+    SimulatorMissing, Unsupported or AssemblyError, and Interrupted; a simulation that fails is listed under
+    ``failures``.
     """
     job = replace(job, tolerances=checked_known(job.tolerances, job.mechanism))
     resolve = resolve or (Beams.of if job.flexible else engine)
@@ -334,14 +335,26 @@ def crosscheck_job(
 
 @dataclass(frozen=True)
 class Ran:
-    """What came of the simulations of a job: runs that were judged, those that failed, and why others are left out."""
+    """What came of the simulations of a job: runs that were judged, those that failed, and why others are left out;
+    ``stopped`` says that somebody did not wait for all of them.
+    """
 
     judged: tuple[JudgedRun, ...] = ()
     failures: tuple[Failure, ...] = ()
     left_out: tuple[str, ...] = ()
+    stopped: bool = False
 
     def __add__(self, other: Ran) -> Ran:
-        return Ran(self.judged + other.judged, self.failures + other.failures, self.left_out + other.left_out)
+        failures, left_out = self.failures + other.failures, self.left_out + other.left_out
+        return Ran(self.judged + other.judged, failures, left_out, self.stopped or other.stopped)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Somebody stopped a cross-check; ``result`` has the runs that had ended, as they came."""
+
+    def __init__(self, result: CrossCheck) -> None:
+        super().__init__("the result has the runs that had ended, as they came")
+        self.result = result
 
 
 def run_all(
@@ -355,8 +368,16 @@ def run_all(
     pace = Pace(lambda these, took: simulate_all(these, job.workers, resolve, job.offers, took), job.workers, progress)
     longer = job.revolutions > 1 and not job.as_it_is and any(request.watched for _, request in tasks)
     remarks = ["then longer, where pins strike, unless revolutions is 1"] * longer + quicker(job, tasks)
-    outcomes = dict(pace.run(tasks, "; ".join(remarks)))
-    traces = [outcomes[i] for i in range(len(tasks))]
+    outcomes: Outcomes = {}
+    stopped = False
+    try:
+        for i, outcome in pace.run(tasks, "; ".join(remarks)):
+            outcomes[i] = outcome
+    except KeyboardInterrupt:
+        stopped = True
+        if not any(isinstance(one, Trace) for one in outcomes.values()):
+            raise
+    traces = [outcomes.get(i) or _not_ended(*task) for i, task in enumerate(tasks)]
     failed = [f for f in traces if isinstance(f, Failure) and not f.unsupported]
     left_out = [f.why for f in traces if isinstance(f, Failure) and f.unsupported]
 
@@ -371,16 +392,26 @@ def run_all(
     first = {i: judged(job, side(t), t) for i, t in enumerate(traces) if isinstance(t, Trace)}
     asked = dict(enumerate(request for _, request in tasks))
     settled: Mapping[int, JudgedRun | Failure] = first
-    if not (job.flexible or job.as_it_is):
-        settled, asked = settle(first, asked, again("finer, near a tolerance"), lambda t: judged(job, side(t), t))
-        prolonged = again("longer, as pins strike; revolutions 1 would end here")
-        settled = prolong(settled, asked, prolonged, lambda t: judged(job, side(t), t), job.revolutions)
-    if job.verify:
-        shorter = again("in shorter steps, to verify")
-        settled = verified(job.mechanism, settled, asked, shorter, lambda t: judged(job, side(t), t))
+    try:
+        if not (job.flexible or job.as_it_is or stopped):
+            settled, asked = settle(first, asked, again("finer, near a tolerance"), lambda t: judged(job, side(t), t))
+            prolonged = again("longer, as pins strike; revolutions 1 would end here")
+            settled = prolong(settled, asked, prolonged, lambda t: judged(job, side(t), t), job.revolutions)
+        if job.verify and not stopped:
+            shorter = again("in shorter steps, to verify")
+            settled = verified(job.mechanism, settled, asked, shorter, lambda t: judged(job, side(t), t))
+    except KeyboardInterrupt:
+        stopped = True
     failed += [one for one in settled.values() if isinstance(one, Failure)]
     failed = [_with_jam(one, job.mechanism, job.motion) for one in failed]
-    return Ran(tuple(one for one in settled.values() if isinstance(one, JudgedRun)), tuple(failed), tuple(left_out))
+    runs = tuple(one for one in settled.values() if isinstance(one, JudgedRun))
+    return Ran(runs, tuple(failed), tuple(left_out), stopped)
+
+
+def _not_ended(simulator: str, request: Request) -> Failure:
+    """A run that was not waited for."""
+    why = f"{simulator} {request.joint_model} {request.motion}: stopped before it ended"
+    return Failure(simulator=simulator, joint_model=request.joint_model, why=why)
 
 
 def quicker(job: Job, tasks: Sequence[Task]) -> list[str]:
@@ -393,7 +424,7 @@ def quicker(job: Job, tasks: Sequence[Task]) -> list[str]:
 
 def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda one: True) -> CrossCheck:
     """The result of a job.  Which engine stands apart is asked of those of its runs that are ``alike``: that have the
-    same samples.
+    same samples.  Raises Interrupted with the result of a job that somebody stopped.
     """
     runs = tuple(one.run for one in ran.judged)
     statistics = compared_statistics(runs, job.tolerances)
@@ -405,7 +436,7 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
     if len({run.simulator.name for run, _ in together}) > 1:
         apart = attribute(together)
         optional |= {"spread": apart.spread, "odd_one_out": apart.odd_one_out, "words": between_engines(apart)}
-    return CrossCheck(
+    result = CrossCheck(
         case=job.mechanism.name,
         verdict=_verdict(runs, ran.failures, statistics),
         command="",
@@ -430,6 +461,9 @@ def concluded(job: Job, ran: Ran, alike: Callable[[JudgedRun], bool] = lambda on
         failures=ran.failures,
         **optional,
     )
+    if ran.stopped:
+        raise Interrupted(result)
+    return result
 
 
 def _assumed(mechanism: Mechanism, runs: Sequence[Run]) -> Iterator[Assumed]:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
 
+import linkage_crosscheck as lc
 from analytic.mechanism.checks import MechanismWarning
 from analytic.mechanism.file import dumps, load
 from commands import compare, evidence
+from compare.crosscheck import Interrupted
+from compare.simulations import simulate_all
 from marks import slow
 
 ROOT = Path(__file__).parents[1]
@@ -111,6 +118,43 @@ def test_an_interrupt_is_one_line_and_leaves_no_empty_folder(what: str, there: b
     assert (done.returncode, done.stdout, done.stderr) == (130, "", said)
     assert (tmp_path / "deep" / "out").exists() is there
     assert (tmp_path / "deep").exists() is there
+
+
+@pytest.mark.mujoco
+def test_a_cross_check_that_is_stopped_reports_the_runs_that_had_ended(tmp_path: Path) -> None:
+    def stopped(*asked: Any) -> Iterator[tuple[int, Any]]:
+        yield from islice(simulate_all(*asked), 2)
+        raise KeyboardInterrupt
+
+    words = ["paper", "--simulator", "mujoco", "--motion", "static", "--out", "out"]
+    with mock.patch("compare.crosscheck.simulate_all", stopped):
+        done = compare(*words, "--angles", "20:80:20", cwd=tmp_path)
+    assert done.returncode == 130
+    assert done.stderr.endswith("compare: stopped; the result has the runs that had ended, as they came\n")
+    result = json.loads((tmp_path / "out" / "result.json").read_text(encoding="utf-8"))
+    assert [run["joint_model"] for run in result["runs"]] == ["ideal", "massless-link"]
+    assert [(one["joint_model"], one["why"]) for one in result["failures"]] == [
+        (model, f"mujoco {model} static: stopped before it ended") for model in ("spring-damper", "contact")
+    ]
+    assert result["verdict"] != "agrees"
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.mujoco
+def test_a_run_that_is_being_made_again_as_somebody_stops_it_is_as_it_first_came() -> None:
+    calls: list[Any] = []
+
+    def stopped(*asked: Any) -> Iterator[tuple[int, Any]]:
+        calls.append(asked)
+        if len(calls) > 1:
+            raise KeyboardInterrupt
+        return simulate_all(*asked)
+
+    with mock.patch("compare.crosscheck.simulate_all", stopped), pytest.raises(Interrupted) as interrupted:
+        lc.crosscheck("crank-rocker", "mujoco", joint_model="spring-damper", clearance=1e-4, angles="0:350:10")
+    (run,) = interrupted.value.result.runs
+    assert "refinements" not in run.settings
+    assert run.verdict == "disagrees"
 
 
 def test_a_scoreboard_says_that_it_goes_on(tmp_path: Path) -> None:

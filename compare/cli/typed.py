@@ -167,8 +167,23 @@ class CommandLine:
         show(document, json=shown.json, quiet=shown.quiet, place=place, tests=tests, file=source(self.words))
 
     def judge(self, ask: Callable[[], "CrossCheck"], caught: Sequence[str], folder: Path) -> None:
-        """Answer by a cross-check, and leave with its verdict as the status.  Raises typer's Exit."""
-        result = self.answer(ask, caught, folder)
+        """Answer by a cross-check, and leave with its verdict as the status; of one that is stopped, with the runs that
+        had ended.  Raises typer's Exit.
+        """
+        from compare.crosscheck import Interrupted
+
+        stopped: list[Interrupted] = []
+
+        def ended() -> "CrossCheck":
+            try:
+                return ask()
+            except Interrupted as interrupted:
+                stopped.append(interrupted)
+                return interrupted.result
+
+        result = self.answer(ended, caught, folder)
+        if stopped:
+            raise KeyboardInterrupt(*stopped[0].args)
         for failure in result.failures:  # the status is theirs even where the others agree
             typer.echo(f"compare: {failure.why}", err=True)
         if result.failures:
