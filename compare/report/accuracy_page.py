@@ -21,6 +21,7 @@ from compare.report.moving_picture import moving_picture
 from compare.report.pages import glimpse
 from compare.report.peaks import LEAST_PART, over
 from compare.report.svg import draw
+from compare.report.words import limits
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
 
@@ -79,7 +80,7 @@ def _facts(result: Accuracy) -> dict[str, str]:
         x.label.capitalize(): f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}",
         "Radial clearance": sizes or "none",
         "Monte Carlo": f"{count(result.samples, 'sample')} {closed}",
-    }
+    } | limits.facts(result)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from compare.report.peaks import GOOD, error_peaks, mean_torque, over, poor, pow
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
-from compare.report.words.limits import limits
+from compare.report.words.limits import Limited, limits
 from compare.report.words.validity import RPM
 from compare.results.analysis import Analysis
 
@@ -25,11 +25,11 @@ def files(result: Analysis) -> dict[str, str]:
     return analysis_page.files(result) | tests
 
 
-def judged(result: Analysis) -> list[JUnitSuite]:
+def judged(result: Limited) -> list[JUnitSuite]:
     """Each limit that was asked for as a test case."""
     cases = [
         JUnitCase(
-            (result.case, "limit"),
+            (result.mechanism.name, "limit"),
             name,
             said=sentence,
             failure=sentence if limit.verdict != "holds" else "",

@@ -29,7 +29,7 @@ from compare.report.peaks import (
     unanswered,
 )
 from compare.report.svg import draw
-from compare.report.words.limits import limits
+from compare.report.words import limits
 from compare.results.analysis import Analysis
 
 NOTE = (
@@ -79,9 +79,7 @@ def _facts(result: Analysis) -> dict[str, str]:
         at = int(np.nanargmin(angle))
         below = f"; below 40 deg at {poor(result)}" if poor(result) else ""
         facts["Least transmission angle"] = f"{number(float(angle[at]), 3)} deg at {x.at(at)}{below}"
-    for name, limit, said in limits(result):
-        facts[f"Limit of {name}"] = f"{limit.verdict}: {said.removeprefix(f'{name} is ')}"
-    return facts
+    return facts | limits.facts(result)
 
 
 def _mover(result: Analysis, still: Markup) -> Mover:

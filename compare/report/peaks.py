@@ -98,7 +98,7 @@ def peak(result: Analysis | Simulation, quantity: Quantity, sought: str = "") ->
     return Peak(quantity, End(float(values[high]), x[high]), End(float(values[low]), x[low]))
 
 
-def place(result: Analysis | Simulation, at: float) -> float:
+def place(result: Of, at: float) -> float:
     """A crank angle (rad), or a time (s) of a result that is over times, as its samples are plotted over them."""
     x = over(result)
     if result.time is None:
