@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Real
 from typing import Literal
@@ -16,6 +16,7 @@ from analytic.mechanism.signals import named
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import number, one_unit, quantity
 from compare.faults import ArgumentError
+from compare.judge.metrics import rms
 from compare.quantities import drive_signals
 from compare.results.accuracy import Accuracy
 from compare.results.analysis import Analysis, Extremes, Limit
@@ -23,7 +24,9 @@ from compare.results.looked_at import ByClearance
 
 ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks between samples are interpolated
 MOST_LISTED = 16  # names in a sentence
+EFFORTS = ("N", "N.m", "W")
 TRANSMISSION = "transmission_angle"
+RMS = "rms_"  # with the name of a force, a torque or a power after it
 STROKE = "stroke_"  # with a slide's or a body's name after it: its travel, or its angle, without clearance
 ERROR, WORST = "error_", "worst_"  # with an output's name after it: its error by clearance in equilibrium, at worst
 Bounds = tuple[float, float]
@@ -36,6 +39,7 @@ class Limitable:
     unit: str
     alone: Literal["size", "least", "either"] = "size"
     signal: str = ""
+    rms: bool = False
 
 
 def limited(given: object, known: Mapping[str, Limitable], unknown: str) -> dict[str, Bounds]:
@@ -102,8 +106,9 @@ def _amount(name: str, size: object, unit: str) -> float:
 
 def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     """What an analysis makes of limits to its signals, ``reaction_B`` for the size of one, to ``stroke_<joint or
-    body>``, to the least ``transmission_angle`` and to errors by clearance, ``error_<output>`` in equilibrium and
-    ``worst_<output>``.  Raises ArgumentError.
+    body>``, to the least ``transmission_angle``, to errors by clearance, ``error_<output>`` in equilibrium and
+    ``worst_<output>``, and to the root mean square of forces, torques and powers, ``rms_<signal>``.  Raises
+    ArgumentError.
     """
     m, known = result.mechanism, _known(result)
     if isinstance(given, Mapping) and not m.clearances:
@@ -158,7 +163,10 @@ def _known(result: Analysis) -> dict[str, Limitable]:
     known |= {f"{STROKE}{what}": Limitable(kinds[n].unit, "either", ideal.get(n, n)) for n, what in moves}
     known |= {} if result.transmission is None else {TRANSMISSION: Limitable("rad", "least", TRANSMISSION)}
     known |= {n: Limitable(kinds[n].unit, signal=n) for n in signals}
-    return known | {n: Limitable(result.errors[n[len(ERROR) :]].unit, signal=n) for n in errors(result.errors)}
+    known |= {n: Limitable(result.errors[n[len(ERROR) :]].unit, signal=n) for n in errors(result.errors)}
+    return known | {
+        f"{RMS}{n}": replace(of, rms=True) for n, of in known.items() if of.unit in EFFORTS and of.signal in kinds
+    }
 
 
 def _limit(
@@ -176,6 +184,8 @@ def _limit(
     ends = list(zip(series[there].tolist(), places[: series.size][there].tolist(), strict=True))
     between = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
     ends += [(v, x) for v, x in between if v is not None and x is not None]
+    if of.rms and ends:
+        ends = [(rms(series) if found is None or found.rms is None else found.rms, math.nan)]
     off, value, at = math.inf, None, None
     if ends:
         highest, lowest = max(ends), min(ends)

@@ -20,6 +20,7 @@ from compare.report.peaks import (
     NOTHING,
     Acting,
     acting,
+    effective,
     mean_torque,
     over,
     peaks,
@@ -73,6 +74,7 @@ def _facts(result: Analysis) -> dict[str, str]:
     if m.speed and mean is not None:
         work = mean * 2 * np.pi * np.sign(m.speed)
         facts["Mean power of the drive"] = f"{number(mean * m.speed, 4)} W, {number(work, 4)} J a turn"
+    facts |= {f"RMS of {q.label}": f"{number(rms, 4)} {q.unit}" for q, rms in effective(result)}
     facts |= {f"Stroke of {joint}": stroke for joint, stroke in strokes(result)}
     angle = transmission_angle(result)
     if angle is not None and np.nanmin(angle) < 89.9:

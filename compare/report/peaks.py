@@ -252,6 +252,15 @@ def mean_torque(result: Analysis) -> float | None:
     return torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
 
 
+def effective(result: Analysis) -> Iterator[tuple[Quantity, float]]:
+    """The root mean square, in the quantity's unit, of what each drive gives over a turn or over time, where known."""
+    x, given = over(result), drive_signals(result.mechanism)
+    for quantity in (each.quantity for each in peaks(result) if x.around or x.of_time):
+        found = result.extremes.get(quantity.signal) if quantity.signal in given else None
+        if found is not None and found.rms is not None:
+            yield quantity, quantity.factor * found.rms
+
+
 def power_ends(result: Analysis | Simulation) -> dict[str, list[End]]:
     """The highest and the lowest power (W) of each motor; of a crank that turns evenly where its torque is that."""
     x, speed = over(result).values, result.mechanism.speed
