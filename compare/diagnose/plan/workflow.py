@@ -44,6 +44,7 @@ def plan(question: PlanQuestion) -> Plan:
     """
     with noted() as warned, progress_bar(question.progress) as told, warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # of mechanisms that are only tried
+        assert not isinstance(question.sensors, str)  # the question has read it
         bench = read_bench(question.rig, question.sensors, question.budget, RUNS)
         told("what each effect would do in each run", 0, None)
         every = pool(bench)
