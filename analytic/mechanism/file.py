@@ -43,7 +43,8 @@ def load(case: str | Path) -> Mechanism:
     if str(case) in shipped_cases():
         return _shipped(str(case))
     if not os.path.lexists(case):
-        close = difflib.get_close_matches(str(case), shipped_cases(), n=1)
+        file = f"{case}.toml"
+        close = [file] if os.path.isfile(file) else difflib.get_close_matches(str(case), shipped_cases(), n=1)
         hint = f"; did you mean {close[0]!r}" if close else ""
         given = " ".join(brief(case).split())  # also of TOML text, in one line
         raise MechanismError(
