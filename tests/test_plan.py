@@ -411,7 +411,7 @@ def test_a_mechanism_that_cannot_be_planned_for_is_refused(mechanism: str, says:
 
 
 def test_a_plan_tells_how_far_each_of_its_parts_is() -> None:
-    """Of what took 60 of 150 s on one core nothing was told but its name."""
+    """Of 93 of the 150 s that a six-bar with four sensors took nothing was told but a word."""
     told: list[tuple[str, int, int | None]] = []
     asked = {"sensors": {"drive_torque": 0.05}, "budget": 1, "progress": lambda *said: told.append(said)}
     lc.plan("crank-rocker", **asked)
