@@ -11,7 +11,6 @@ from analytic.kinematics.assembly import Assembly
 from analytic.kinematics.output import Output
 from analytic.mechanism import Mechanism
 from analytic.mechanism.assumed import assumed
-from analytic.mechanism.tolerances import Source
 from analytic.paper.envelope import transmission
 from analytic.paper.superposition import AccuracyAnalysis as CycleAccuracy
 from analytic.paper.superposition import accuracy as accuracy_of
@@ -23,14 +22,14 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
+from compare.limits import Bounds, limits_of_errors, refuse_errors_of_none
 from compare.omissions import Asked, omitted
 from compare.questions.accuracy import DRAWS, AccuracyQuestion
 from compare.questions.question import answers
 from compare.results import accuracy as results
 from compare.results.accuracy import Accuracy, MonteCarlo, Point, Radius, SideChange, Spread
-from compare.results.toleranced import AccuracyByTolerance
 from compare.schedules import crank_angles
-from compare.toleranced import limits_by_output, of_outputs, states_tolerances, varying
+from compare.toleranced import limits_of_outputs, of_outputs, states_tolerances, varying
 from compare.versions import versions
 from sim_models.engine import Motion
 
@@ -41,7 +40,8 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
 
     In the Monte Carlo each clearance is uniform within +-``clearance_tolerance`` (m).  ``outputs`` are names such as
     ``coupler`` (its com and angle), ``coupler.B`` or ``follower.angle``.  Reactions have inertia forces in ``driven``
-    motion.
+    motion.  ``limits`` are of the linkages within the mechanism's tolerances; without any, and of ``worst_<output>``,
+    of the error by clearance.
 
     Raises MechanismError, ArgumentError, AssemblyError or ComplianceError.
     """
@@ -52,21 +52,25 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
         moves: Motion = "driven" if inertia else "static"
         warn_of_friction(m, None, moves, engines=False)
         warned += omitted(m, Asked("accuracy", moves, bends=True))
-        assembly = Assembly(m)
+        assembly, outputs = Assembly(m), named_outputs(question.outputs, m)
+        varied, told = varying(m, question.clearance is not None) if states_tolerances(m) else ((), [])
+        warned += told
+        toleranced, alone = _limits(question, m, outputs, bool(varied))
         result = accuracy_at(
             assembly,
             crank_angles(assembly, question.angles),
-            named_outputs(question.outputs, m),
+            outputs,
             tolerances=metres(question.clearance_tolerance or {}, m, "clearance_tolerance"),
             inertia=inertia,
             samples=samples,
             seed=seed,
             nonlinear=nonlinear,
         )
-        if states_tolerances(m) or (question.limits, question.min_yield) != (None, None):
-            varied, told = varying(m, question.clearance is not None)
-            warned += told
-            result = result.model_copy(update={"tolerances": _by_tolerances(assembly, result, varied, question)})
+        if varied:
+            cycle = accuracy_of(assembly, result.crank_angle, outputs, m.clearances, m.speed or 1.0, inertia)
+            by = of_outputs(cycle, varied, samples, seed, toleranced, question.min_yield)
+            result = result.model_copy(update={"tolerances": by})
+        result = result.model_copy(update={"limits": limits_of_errors(result, alone)})
     asked = {"samples": samples != DRAWS, "seed": seed != 0, "nonlinear": nonlinear}
     drawn = bool(m.clearances) or result.tolerances is not None
     unused = [
@@ -77,24 +81,22 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
     return result.model_copy(update={"warnings": (*warned, *unused)})
 
 
-def _by_tolerances(
-    assembly: Assembly, result: Accuracy, varied: tuple[Source, ...], question: AccuracyQuestion
-) -> AccuracyByTolerance | None:
-    """What tolerances do to a result's outputs; None where nothing varies.  Raises ArgumentError, AssemblyError."""
-    m, outputs = assembly.mechanism, named_outputs(question.outputs, assembly.mechanism)
-    limits = {} if question.limits is None else limits_by_output(question.limits, outputs)
-    if question.min_yield is not None and not limits:
+def _limits(
+    question: AccuracyQuestion, m: Mechanism, outputs: list[Output], varied: bool
+) -> tuple[dict[Output, float], dict[str, Bounds]]:
+    """Limits that linkages within tolerances have to keep where any number is ``varied``, and those of clearance alone.
+    Raises ArgumentError.
+    """
+    alone = {} if question.limits is None else limits_of_outputs(question.limits, outputs)
+    toleranced = {d: alone.pop(d.name)[1] for d in outputs if varied and d.name in alone}
+    if question.min_yield is not None and not varied:
+        why = f"{m.name} states no tolerance, so that all its linkages are alike; give [tolerances], or leave it out"
+        raise ArgumentError("min_yield", why)
+    if question.min_yield is not None and not toleranced:
         raise ArgumentError("min_yield", "is of linkages within limits; give them by `limits`, or leave it out")
-    if limits and not varied:
-        raise ArgumentError(
-            "limits",
-            f"{m.name} states no tolerance, so that all its linkages are alike; give [tolerances], or leave it out",
-        )
-    if not varied:
-        return None
-    inertia = result.motion == "driven"
-    cycle = accuracy_of(assembly, result.crank_angle, outputs, m.clearances, m.speed or 1.0, inertia)
-    return of_outputs(cycle, varied, result.samples, result.seed, limits, question.min_yield)
+    if not m.clearances:
+        refuse_errors_of_none(m.name, alone)
+    return toleranced, alone
 
 
 def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:

@@ -313,13 +313,20 @@ def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[flo
 
 
 def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
-    """The peaks of a signal, and its mean over the first looks; none where it is missing at two that follow."""
+    """The peaks of a signal, and its mean and rms over the first looks; none where it is missing at two that follow."""
     (highest, highest_at), (lowest, lowest_at) = _utmost(ends, name, looks)
     theta, values = looks[0][0], looks[0][1][name]
     there = np.isfinite(values)
     x, known = theta[there], np.all(there[1:] | there[:-1]) and there.sum() > 1
-    mean = np.trapezoid(values[there], x) / (x[-1] - x[0]) if known else np.nan
-    return Extremes(highest=highest, highest_at=highest_at, lowest=lowest, lowest_at=lowest_at, mean=float(mean))
+    mean, square = (np.trapezoid(values[there] ** n, x) / (x[-1] - x[0]) if known else np.nan for n in (1, 2))
+    return Extremes(
+        highest=highest,
+        highest_at=highest_at,
+        lowest=lowest,
+        lowest_at=lowest_at,
+        mean=float(mean),
+        rms=float(np.sqrt(square)),
+    )
 
 
 def _along(m: Mechanism, side: Reference) -> np.ndarray:

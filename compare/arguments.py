@@ -92,9 +92,14 @@ def number(given: object, called: str, unit: str) -> float:
     raise unusable(called, given, f"one number ({unit})")
 
 
+def looks_like_degrees(angle: float) -> bool:
+    """Whether an angle (rad) is one that was probably given in degrees."""
+    return MOST_LIKELY_DEGREES < abs(angle) < math.inf
+
+
 def warn_of_degrees(called: str, angle: float) -> None:
     """Warn of an angle (rad) that was probably given in degrees."""
-    if MOST_LIKELY_DEGREES < abs(angle) < math.inf:
+    if looks_like_degrees(angle):
         text = f"{called}: {angle:g} rad is beyond two turns; angles are in radians; was it meant in degrees?"
         warn(f'{text} Write np.radians(...), or a text, "{angle:g} deg"', DegreesWarning)
 

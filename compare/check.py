@@ -32,6 +32,7 @@ from compare.arguments import (
     idle,
     laid_over,
     linkage,
+    looks_like_degrees,
     loose,
     noted,
     path,
@@ -57,7 +58,7 @@ from compare.omissions import Asked, omitted
 from compare.progress import Progress, progress_bar
 from compare.questions.check import CheckQuestion
 from compare.questions.question import answers
-from compare.recorded.alternatives import LIKE_UNIT, REVERSED, TableReading, line, looks, mended
+from compare.recorded.alternatives import LIKE_UNIT, REVERSED, TableReading, line, looks, mended, otherwise
 from compare.recorded.body_frames import vectors
 from compare.recorded.errors import DataError
 from compare.recorded.frames import FrameSource, frame_source, is_frame
@@ -521,6 +522,10 @@ class _Asked:
         return still.judged(record)[1].run.verdict == "agrees"
 
     def meant(self, record: Recording) -> str:
+        """What a map may have to say: by what would agree then, or by angles that look like degrees."""
+        return self._meant(record) or _in_degrees(record, self.given)
+
+    def _meant(self, record: Recording) -> str:
         """What a map has to say where most of what disagrees agrees once the clock or an encoder is read otherwise;
         empty where nothing does, and of freedoms that are let go beside others, of which each reading takes too long.
 
@@ -558,6 +563,22 @@ class _Asked:
         except (DataError, AssemblyError):
             return {}
         return {each.signal: each.verdict == "agrees" for each in discrepancies}
+
+
+def _in_degrees(record: Recording, mechanism: Mechanism) -> str:
+    """What to ask about an encoder in radians that goes beyond two turns in steps of degrees: whole and half ones, or
+    of a radian and more.
+    """
+    for column in (c for c in record.table.columns if c.signal in mechanism.encoders and c.unit == "rad"):
+        angle = record.table.values[column.signal.name]
+        angle = angle[np.isfinite(angle)]
+        largest = float(np.max(np.abs(angle), initial=0.0))
+        if looks_like_degrees(largest) and (np.median(np.abs(np.diff(angle))) >= 1 or not np.any(2 * angle % 1)):
+            how = f"say {line(otherwise(column, 'deg'))} under [columns] of a map"
+            return (
+                f"{column.signal.name} goes to {largest:.5g} rad, beyond two turns; was it meant in degrees? Then {how}"
+            )
+    return ""
 
 
 def _noise(record: Recording, name: str) -> float:

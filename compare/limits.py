@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from numbers import Real
 from typing import Literal
@@ -16,13 +16,19 @@ from analytic.mechanism.signals import named
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import number, one_unit, quantity
 from compare.faults import ArgumentError
+from compare.judge.metrics import rms
 from compare.quantities import drive_signals
-from compare.results.analysis import Analysis, Limit
+from compare.results.accuracy import Accuracy
+from compare.results.analysis import Analysis, Extremes, Limit
+from compare.results.looked_at import ByClearance
 
 ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks between samples are interpolated
 MOST_LISTED = 16  # names in a sentence
+EFFORTS = ("N", "N.m", "W")
 TRANSMISSION = "transmission_angle"
+RMS = "rms_"  # with the name of a force, a torque or a power after it
 STROKE = "stroke_"  # with a slide's or a body's name after it: its travel, or its angle, without clearance
+ERROR, WORST = "error_", "worst_"  # with an output's name after it: its error by clearance in equilibrium, at worst
 Bounds = tuple[float, float]
 
 
@@ -33,6 +39,7 @@ class Limitable:
     unit: str
     alone: Literal["size", "least", "either"] = "size"
     signal: str = ""
+    rms: bool = False
 
 
 def limited(given: object, known: Mapping[str, Limitable], unknown: str) -> dict[str, Bounds]:
@@ -99,15 +106,48 @@ def _amount(name: str, size: object, unit: str) -> float:
 
 def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     """What an analysis makes of limits to its signals, ``reaction_B`` for the size of one, to ``stroke_<joint or
-    body>`` and to the least ``transmission_angle``.  Raises ArgumentError.
+    body>``, to the least ``transmission_angle``, to errors by clearance, ``error_<output>`` in equilibrium and
+    ``worst_<output>``, and to the root mean square of forces, torques and powers, ``rms_<signal>``.  Raises
+    ArgumentError.
     """
     m, known = result.mechanism, _known(result)
+    if isinstance(given, Mapping) and not m.clearances:
+        refuse_errors_of_none(m.name, (name for name in given if str(name).startswith((ERROR, WORST))))
     every = named(m.bodies, m.joints, m.drives, m.sensors)
     asleep = [name for name, signal in every.items() if signal.on_request and name not in known]
     for name in (name for name in asleep if isinstance(given, Mapping) and name in given):
         raise ArgumentError("limits", f"{name} is a signal on request; ask for it by `signals` too")
     bounds = limited(given, known, f"nothing of {m.name} that may have a limit")
-    return {name: _limit(result, known[name], both) for name, both in bounds.items()}
+    angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
+    series = {TRANSMISSION: angle} | errors(result.errors) | dict(result.signals)
+    places = result.crank_angle if result.time is None else result.time
+    return {name: _limit(known[name], both, series, places, result.extremes) for name, both in bounds.items()}
+
+
+def limits_of_errors(result: Accuracy, bounds: Mapping[str, Bounds]) -> dict[str, Limit]:
+    """What errors by clearance make of limits, ``<output>`` in equilibrium and ``worst_<output>``."""
+    series = {name.removeprefix(ERROR): values for name, values in errors(result.outputs).items()}
+    units = {name: result.outputs[name.removeprefix(WORST)].unit for name in bounds}
+    return {
+        name: _limit(Limitable(units[name], signal=name), both, series, result.crank_angle, {})
+        for name, both in bounds.items()
+    }
+
+
+def refuse_errors_of_none(case: str, asked: Iterable[str]) -> None:
+    """Raises ArgumentError where anything is asked of the errors of a linkage without clearance."""
+    for name in asked:
+        why = f"{name} is an error by clearance, and no joint of {case} has any; give some by `clearance`"
+        raise ArgumentError("limits", why)
+
+
+def errors(outputs: Mapping[str, ByClearance]) -> dict[str, np.ndarray]:
+    """The errors (N,) of outputs by clearance, as limits call them."""
+    return {
+        f"{kind}{name}": values
+        for name, error in outputs.items()
+        for kind, values in ((ERROR, error.equilibrium), (WORST, error.worst_case))
+    }
 
 
 def _known(result: Analysis) -> dict[str, Limitable]:
@@ -122,18 +162,30 @@ def _known(result: Analysis) -> dict[str, Limitable]:
     ideal = {n: f"{STROKE}{what}" for n, what in moves if f"{STROKE}{what}" in result.extremes}
     known |= {f"{STROKE}{what}": Limitable(kinds[n].unit, "either", ideal.get(n, n)) for n, what in moves}
     known |= {} if result.transmission is None else {TRANSMISSION: Limitable("rad", "least", TRANSMISSION)}
-    return known | {n: Limitable(kinds[n].unit, signal=n) for n in signals}
+    known |= {n: Limitable(kinds[n].unit, signal=n) for n in signals}
+    known |= {n: Limitable(result.errors[n[len(ERROR) :]].unit, signal=n) for n in errors(result.errors)}
+    return known | {
+        f"{RMS}{n}": replace(of, rms=True) for n, of in known.items() if of.unit in EFFORTS and of.signal in kinds
+    }
 
 
-def _limit(result: Analysis, of: Limitable, bounds: Bounds) -> Limit:
-    """The value that is farthest beyond its bound, or nearest to it; of a stroke highest less lowest."""
-    angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
-    series = angle if of.signal == TRANSMISSION else result.signals.get(of.signal, np.zeros(0))
-    places = result.crank_angle if result.time is None else result.time
-    there, found = np.isfinite(series), result.extremes.get(of.signal)
+def _limit(
+    of: Limitable,
+    bounds: Bounds,
+    every: Mapping[str, np.ndarray],
+    places: np.ndarray,
+    extremes: Mapping[str, Extremes],
+) -> Limit:
+    """The value that is farthest beyond its bound, or nearest to it, of ``every`` series (N,) at ``places`` (N,), and
+    between them; of a stroke highest less lowest.
+    """
+    series = every.get(of.signal, np.zeros(0))
+    there, found = np.isfinite(series), extremes.get(of.signal)
     ends = list(zip(series[there].tolist(), places[: series.size][there].tolist(), strict=True))
     between = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
     ends += [(v, x) for v, x in between if v is not None and x is not None]
+    if of.rms and ends:
+        ends = [(rms(series) if found is None or found.rms is None else found.rms, math.nan)]
     off, value, at = math.inf, None, None
     if ends:
         highest, lowest = max(ends), min(ends)

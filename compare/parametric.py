@@ -39,7 +39,7 @@ from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.question import Question, arguments, check_names
 from compare.questions.sweep import SweepQuestion
 from compare.results.accuracy import Accuracy
-from compare.results.analysis import Analysis
+from compare.results.analysis import Analysis, Limit
 from compare.results.crosscheck import CrossCheck
 from compare.results.platform import PlatformAccuracy
 from compare.results.sweep import Asks, Farthest, FieldValue, Group, Sweep, SweptColumn, SweptField, SweptPoint
@@ -316,11 +316,16 @@ def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
     for name, error in result.errors.items():
         columns[f"error_{name}"] = SweptColumn(group="error", label=f"error of {name}", unit=error.unit)
         numbers[f"error_{name}"] = _largest(error.equilibrium)
-    if result.limits:
-        columns["broken"] = SweptColumn(group="limit", label="limits broken", unit="1")
-        numbers["broken"] = sum(each.verdict != "holds" for each in result.limits.values()) / len(result.limits)
+    _limits(result.limits, columns, numbers)
     remark = _unanswered(result.flags, len(result.crank_angle))
     return Answer(at=at, columns=columns, numbers=numbers, remark=remark, warnings=result.warnings)
+
+
+def _limits(limits: Mapping[str, Limit], columns: dict[str, SweptColumn], numbers: dict[str, float | None]) -> None:
+    """Add the share of limits broken, where there are any."""
+    if limits:
+        columns["broken"] = SweptColumn(group="limit", label="limits broken", unit="1")
+        numbers["broken"] = sum(each.verdict != "holds" for each in limits.values()) / len(limits)
 
 
 def _accurate(at: Mapping[str, int], result: Accuracy | PlatformAccuracy) -> Answer:
@@ -331,6 +336,7 @@ def _accurate(at: Mapping[str, int], result: Accuracy | PlatformAccuracy) -> Ans
     if by is not None and by.within is not None:
         columns["yield"] = SweptColumn(group="yield", label="linkages within the limits", unit="1")
         numbers["yield"] = by.within
+    _limits(result.limits if isinstance(result, Accuracy) else {}, columns, numbers)
     groups: Mapping[Group, str] = {"error": "error of", "worst_case": "worst case of"}
     for group, words in groups.items():
         for name, output in result.outputs.items():

@@ -101,6 +101,19 @@ def test_what_is_zero_or_hardly_anything_is_not_listed(four: Accuracy) -> None:
     assert not re.search(r"\(0 %\)", html)
 
 
+def test_an_output_is_sensitive_to_a_joint_that_has_clearance() -> None:
+    """The paper's own 10 mm are in B; D answers more per millimetre, but has none."""
+    found = lc.accuracy("paper", samples=2)
+    assert {row[0]: row[-1].split()[0] for row in output_rows(found)} == {
+        "crank_x": "-",
+        "crank_y": "-",
+        "coupler_x": "-",
+        **dict.fromkeys(("coupler_y", "coupler_angle", "follower_x", "follower_y", "follower_angle"), "B"),
+    }
+    answers = {joint: values.max() for joint, values in found.outputs["coupler_y"].sensitivity.items()}
+    assert answers["D"] > answers["B"]
+
+
 def test_a_platform_without_clearance_shows_what_it_has() -> None:
     result = lc.platform_accuracy("3-rrr", times=np.linspace(0.0, 0.2, 5))
     html = result.files()["accuracy.html"]

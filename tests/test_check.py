@@ -248,6 +248,25 @@ def test_a_clock_and_a_crank_that_are_both_meant_otherwise_are_told_together(tmp
     assert 'agree with crank_angle in deg and time in ms, 0 as it is read: say "crank_angle [rad]" = {' in told
 
 
+@pytest.mark.parametrize(("step", "asked"), [(5.0, True), (7.5, True), (68.75493, True), (5.729578, False)])
+def test_angles_that_look_like_degrees_are_asked_about_though_nothing_agrees_in_degrees_either(
+    step: float, asked: bool, tmp_path: Path
+) -> None:
+    """The torque is another linkage's; three turns in steps of 0.1 rad may be meant."""
+    angle = np.radians(np.arange(0.0, 1080.0, step))
+    read = angle if not asked else np.degrees(angle)
+    path = written(tmp_path / "odd.csv", {"crank_angle [rad]": read, "drive_torque [N.m]": np.sin(3 * angle)})
+    result = lc.check(path, "crank-rocker")
+    assert result.verdict == "disagrees"
+    told = [text for text in result.warnings if "was it meant in degrees?" in text]
+    assert len(told) == asked
+    for text in told:
+        assert text.startswith(
+            f"odd: crank_angle goes to {read[-1]:.5g} rad, beyond two turns; was it meant in degrees?"
+        )
+        assert '"crank_angle [rad]" = { signal = "crank_angle", unit = "deg" } under [columns] of a map' in text
+
+
 def test_a_crank_in_degrees_that_the_linkage_does_not_reach_is_told_in_the_refusal(tmp_path: Path) -> None:
     m = load("paper").with_clearances({})
     angles = np.radians(np.arange(20.0, 161.0, 5.0))

@@ -162,7 +162,12 @@ def test_the_main_job_agrees_and_leaves_a_whole_report(tmp_path: Path) -> None:
         ("own.toml --plot f.svg", "analyse --case own.toml --plot f.svg"),
         ("show own.toml", "show own.toml"),
         ("accuracy own.toml --output rod", "accuracy --case own.toml --output rod"),
-        ("accuracy -q own.toml", "accuracy -q own.toml"),
+        ("accuracy -q own.toml", "accuracy -q --case own.toml"),
+        ("accuracy --clearance B=1e-4 own.toml -q", "accuracy --clearance B=1e-4 --case own.toml -q"),
+        ("accuracy --clearance=B=1e-4 paper", "accuracy --clearance=B=1e-4 --case paper"),
+        ("accuracy --plot own.toml", "accuracy --plot own.toml"),  # a file to write
+        ("analyse paper crank-rocker", "analyse --case paper crank-rocker"),  # one too many, which is said
+        ("analyse rig", "analyse rig"),
         ("check own.csv", "check own.csv"),
         ("--case paper own.toml", "--case paper own.toml"),  # one too many, which is said
         ("--simulator own.toml", "--simulator own.toml"),  # a simulator's name
@@ -172,6 +177,15 @@ def test_a_linkage_by_its_name_alone_is_analysed_and_with_a_simulator_cross_chec
     root = typer.main.get_command(app)
     assert isinstance(root, typer.core.TyperGroup)
     assert spelled_out(typed.split(), root) == meant.split()
+
+
+def test_a_file_that_is_named_without_its_ending_is_hinted_at(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text("", encoding="utf-8")
+    assert_refused(compare("rig", cwd=tmp_path), "No such command 'rig'; did you mean rig.toml?")
+    assert_refused(compare("analyse", "rig", cwd=tmp_path), "(rig); a linkage is named with --case rig.toml")
+    assert_refused(
+        compare("accuracy", "--case", "rig", cwd=tmp_path), "no such mechanism file or case; did you mean 'rig.toml'"
+    )
 
 
 def test_an_option_of_the_cross_check_given_to_an_analysis_says_so(tmp_path: Path) -> None:

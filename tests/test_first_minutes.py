@@ -97,9 +97,9 @@ def test_who_looks_for_ci_is_told_where_it_is(
 
 @pytest.mark.parametrize("command", [["baseline", "update"], ["analyse"], ["accuracy"]])
 def test_a_case_without_its_option_is_told_which(command: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    status, _, said = run([*command, "paper"], monkeypatch)
+    status, _, said = run([*command, "my-rig"], monkeypatch)
     assert status == 2
-    assert "(paper); a linkage is named with --case" in said
+    assert "(my-rig); a linkage is named with --case" in said
 
 
 @pytest.mark.parametrize("name", ["../up", "a b", "", "3d", "x\ny", 'x"'])

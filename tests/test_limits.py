@@ -70,6 +70,53 @@ def test_a_limit_that_cannot_be_judged_throughout_does_not_hold() -> None:
     assert found.limits["reaction_B"].missing == len(found.flags)
 
 
+WORST = 1e-4 / (FOLLOWER * math.sin(LEAST))  # rad, of the follower where B's gap of 0.1 mm lies along the coupler
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(1.0001 * WORST, "holds"), (0.9999 * WORST, "broken")])
+def test_the_error_by_clearance_has_a_limit_without_tolerances(size: float, verdict: str) -> None:
+    gap, name = {"B": 1e-4}, "worst_follower_angle"
+    for found in (
+        lc.analyse("crank-rocker", clearance=gap, limits={name: size}),
+        lc.accuracy("crank-rocker", clearance=gap, limits={name: size}, samples=2),
+    ):
+        assert (found.limits[name].verdict, found.holds) == (verdict, verdict == "holds")
+        assert found.limits[name].value == pytest.approx(WORST, rel=1e-9)
+
+
+def test_the_error_in_equilibrium_has_a_limit_too() -> None:
+    limits = {"error_follower_angle": "8 deg", "worst_follower_angle": "8 deg"}
+    found = lc.analyse("paper", limits=limits)
+    assert [each.verdict for each in found.limits.values()] == ["holds", "broken"]
+    error = found.errors["follower_angle"]
+    assert found.limits["error_follower_angle"].value == pytest.approx(max(error.equilibrium, key=abs), rel=1e-12)
+    again = lc.accuracy("paper", limits={"follower_angle": "8 deg", "worst_follower_angle": "8 deg"}, samples=2)
+    assert [each.value for each in again.limits.values()] == [each.value for each in found.limits.values()]
+
+
+def test_a_broken_limit_of_the_error_is_status_1_of_accuracy_too(tmp_path: Path) -> None:
+    asked = ("accuracy", "--case", "paper", "--samples", "2", "--limit", "worst_follower_angle=8deg,follower_x=6mm")
+    done = compare(*asked, "--out", "out", cwd=tmp_path)
+    said = "worst_follower_angle is 8.3761 deg at 20 deg, more than its limit of 8 deg"
+    assert (done.returncode, f"broken: {said}" in done.stdout) == (1, True), done.stderr
+    (failure,) = ElementTree.parse(tmp_path / "out" / "junit.xml").iter("failure")
+    assert failure.get("message") == said
+    page = (tmp_path / "out" / "accuracy.html").read_text(encoding="utf-8")
+    assert f"broken: {said.removeprefix('worst_follower_angle is ')}" in page
+    swept = lc.sweep("paper", {"joint.B.clearance": "5mm,10mm"}, "accuracy", limits={"worst_follower_angle": "8 deg"})
+    assert [point.numbers["broken"] for point in swept.points] == [0.0, 1.0]
+    assert swept.poor == 1
+
+
+@pytest.mark.parametrize("command", [("analyse", "error_follower_angle=1deg"), ("accuracy", "follower_angle=1deg")])
+def test_a_limit_of_the_error_of_a_linkage_without_clearance_is_refused(
+    command: tuple[str, str], tmp_path: Path
+) -> None:
+    name, limit = command
+    done = compare(name, "--case", "crank-rocker", "--limit", limit, cwd=tmp_path)
+    assert_refused(done, "no joint of crank-rocker has any; give some by --clearance")
+
+
 def test_a_broken_limit_is_status_1_with_one_sentence_everywhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

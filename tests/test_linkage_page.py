@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.special import ellipk
 from typer.testing import CliRunner
 
@@ -21,7 +23,7 @@ from analytic.mechanism.file import dumps, load, loads
 from compare.cli.app import app
 from compare.report.analysis_figures import figures
 from compare.report.moving_picture import moving_picture
-from compare.report.peaks import acting, error_peaks, peaks, poor, powers, transmission_angle
+from compare.report.peaks import acting, effective, error_peaks, peaks, poor, powers, transmission_angle
 from compare.results.analysis import Analysis
 from marks import slow
 from test_report_browser import CHROMIUM, Browser, browser, no_errors
@@ -502,6 +504,31 @@ def test_hostile_names_are_text() -> None:
     hostile = loads(dumps(mechanism).replace('name = "crank-rocker"', 'name = "</script><b>x"'))
     html = lc.analyse(hostile, angles=TURN).files()["analysis.html"]
     assert "</script><b>" not in html
+
+
+def test_a_motor_is_told_its_rms_torque_of_a_turn() -> None:
+    """The arm's weight takes m g r cos(angle), of which m g r / sqrt(2) is left; seven samples would say otherwise."""
+    result = lc.analyse(loads(ARM), angles=np.radians(np.arange(0.0, 360.0, 45.0)))
+    rms = MASS * GRAVITY * REACH / math.sqrt(2)
+    assert result.extremes["drive_torque"].rms == pytest.approx(rms, rel=1e-9)
+    assert result.peaks.set_index("signal").rms["drive_torque"] == pytest.approx(rms, rel=1e-9)
+    for more, verdict in ((1.0001, "holds"), (0.9999, "broken")):
+        limit = lc.analyse(loads(ARM), limits={"rms_drive_torque": more * rms}).limits["rms_drive_torque"]
+        assert (limit.verdict, limit.value, limit.at) == (verdict, pytest.approx(rms, rel=1e-9), None)
+    said = io.StringIO()
+    result.print_to(Console(file=said, width=200))
+    assert f"RMS of drive torque {rms:.4g} N.m" in said.getvalue()
+    assert f"RMS of drive torque</dt><dd>{rms:.4g} N·m" in result.files()["analysis.html"]
+
+
+def test_each_of_several_motors_is_told_its_rms_torque_over_the_time() -> None:
+    times = np.linspace(0.0, 1.0, 2001)
+    few, many = (lc.analyse("five-bar", times=at) for at in (times[::40], times))
+    told = {quantity.signal: rms for quantity, rms in effective(few)}
+    assert list(told) == ["drive_torque_D", "drive_torque_E"]
+    for name, rms in told.items():
+        assert rms == pytest.approx(math.sqrt(np.trapezoid(many[name] ** 2, times)), rel=1e-4)
+    assert not list(effective(lc.analyse("crank-rocker", angles=TURN[:20])))  # no turn, of which to say it
 
 
 def test_peaks_between_the_samples_are_those_of_a_closed_form() -> None:

@@ -16,7 +16,7 @@ ANGLES = np.radians(np.arange(0.0, 360.0, 10.0))
 def test_the_peaks_of_an_analysis_are_those_of_closely_spaced_angles() -> None:
     coarse, fine = (lc.analyse("crank-rocker", angles=np.radians(np.arange(0.0, 360.0, step))) for step in (10.0, 0.1))
     peaks = coarse.peaks.set_index("signal")
-    assert list(coarse.peaks.columns) == ["signal", "unit", "largest", "crank_angle"]
+    assert list(coarse.peaks.columns) == ["signal", "unit", "largest", "crank_angle", "rms"]
     for name in ("drive_torque", "reaction_A_magnitude"):
         k = int(np.nanargmax(np.abs(fine[name])))
         assert peaks.largest[name] == pytest.approx(fine[name][k], rel=1e-4)

@@ -174,6 +174,8 @@ OPTIONS_MATTER: list[Row] = [
     ("analyse", "seed", {**TOLERANCED, "samples": 5}, {"seed": 4}),
     ("analyse", "seed", TOLERANCED, {"seed": 4}),
     ("analyse", "limits", ROCKER, {"limits": {"transmission_angle": "30 deg"}}),
+    ("analyse", "limits", ROCKER, {"limits": {"rms_drive_torque": "1 N.m"}}),
+    ("accuracy", "limits", {**ROCKER, **LOOSE, "samples": 9}, {"limits": {"worst_follower_angle": 0.01}}),
     ("accuracy", "limits", {**TOLERANCED, "samples": 9}, {"limits": {"follower_angle": 0.01}}),
     ("accuracy", "min_yield", {**TOLERANCED, "samples": 9, "limits": {"follower_angle": 0.01}}, {"min_yield": 0.5}),
     ("accuracy", "motion", {**PAPER, "samples": 9}, {"motion": "driven"}),

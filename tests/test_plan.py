@@ -19,7 +19,7 @@ from scipy.stats import multivariate_normal
 
 import linkage_crosscheck as lc
 from analytic.mechanism.file import dumps
-from commands import compare
+from commands import assert_refused, compare
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.plan.bench import Bench, Loading, Sensor, read_bench
@@ -408,6 +408,44 @@ def test_what_a_rig_cannot_do_is_refused_in_one_sentence(
 def test_a_mechanism_that_cannot_be_planned_for_is_refused(mechanism: str, says: str) -> None:
     with pytest.raises(lc.Error, match=says):
         lc.plan(mechanism, sensors={"crank_angle": 1e-3})
+
+
+def test_a_plan_tells_how_far_each_of_its_parts_is() -> None:
+    """Of 93 of the 150 s that a six-bar with four sensors took nothing was told but a word."""
+    told: list[tuple[str, int, int | None]] = []
+    asked = {"sensors": {"drive_torque": 0.05}, "budget": 1, "progress": lambda *said: told.append(said)}
+    lc.plan("crank-rocker", **asked)
+    for what, least in (
+        ("what each effect would do in each run", 60),
+        ("how well each effect would be known", 40),
+        ("what each run and sensor adds", 1),
+    ):
+        counts = [(done, total) for said, done, total in told if said == what]
+        assert len(counts) >= least
+        assert counts == [(k, len(counts)) for k in range(len(counts))]
+
+
+def test_noise_may_have_its_unit_as_an_option_and_in_python(tmp_path: Path) -> None:
+    si = {"drive_torque": 0.05, "crank_angle": math.radians(0.01)}
+    written = "drive_torque=50mN.m,crank_angle=0.01deg"
+    for given in ({"drive_torque": "50 mN.m", "crank_angle": "0.01 deg"}, written):
+        found = lc.plan("crank-rocker", sensors=given, budget=1)
+        assert {s.signal: s.noise for s in found.sensors} == pytest.approx(si)
+    done = compare("plan", "crank-rocker", "--sensors", written, "--budget", "1", "--json", cwd=tmp_path)
+    assert {s["signal"]: s["noise"] for s in json.loads(done.stdout)["sensors"]} == pytest.approx(si)
+
+
+@pytest.mark.parametrize(
+    ("noise", "says"),
+    [
+        ("drive_torque=5mm", "--sensors drive_torque=5mm: drive_torque = '5mm' has unit 'mm', which is of another"),
+        ("drive_torque=-1N.m", "drive_torque = '-1N.m': give a number above 0"),
+        ("drive_tork=1N.m", "'drive_tork' is no signal of crank-rocker; did you mean 'drive_torque'"),
+        ("drive_torque=", "give SIGNAL=NOISE, such as drive_torque=0.05 or crank_angle=0.01deg"),
+    ],
+)
+def test_noise_that_cannot_be_is_refused_with_a_form_that_is_taken(noise: str, says: str, tmp_path: Path) -> None:
+    assert_refused(compare("plan", "crank-rocker", "--sensors", noise, cwd=tmp_path), says)
 
 
 def test_the_command_ends_with_its_status_and_prints_json_alone(folder: Path, tmp_path: Path) -> None:

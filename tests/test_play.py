@@ -33,6 +33,7 @@ def test_a_frame_of_contact_is_the_run_s_statistics() -> None:
     run = struck()
     frame = run.contact_frame()
     assert list(frame.joint.unique()) == list(CLEARANCE)
+    assert {*frame.columns} - {*frame.attrs["units"]} == {"joint", "in_contact"}
     for joint, clearance in CLEARANCE.items():
         assert run.contact is not None
         figures = run.contact.joints[joint].statistics

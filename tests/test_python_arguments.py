@@ -697,6 +697,25 @@ def test_what_a_first_guess_in_python_gets_wrong_is_taken_or_told() -> None:
     assert [point.at for point in swept.points] == [{"body.coupler.mass": k} for k in range(2)]
 
 
+def test_what_is_given_in_the_place_of_a_mechanism_or_a_console_is_told_what_to_write(tmp_path: Path) -> None:
+    fields = {"name": "arm"}
+    for wrong, why in (
+        (
+            lambda: lc.Mechanism(fields),
+            r"Mechanism: fields are given by name; write Mechanism\(name=...\), or Mechanism\(\*\*",
+        ),
+        (lambda: lc.Joint("B", "revolute"), r"Joint: fields are given by name; write Joint\(name=...\), or"),
+        (lambda: lc.analyse(fields), r"or the path of a mechanism file, or lc.Mechanism\(\*\*fields\) of a dict"),
+        (lambda: lc.analyse('name = "arm"\n[ground]'), r'^name = "arm" \[ground\]: no such mechanism file or case'),
+        (lambda: lc.analyse("paper").print_to("out.txt"), r"or an open file as print_to\(file=...\)"),
+    ):
+        with pytest.raises(lc.Error, match=why):
+            wrong()
+    with (tmp_path / "out.txt").open("w", encoding="utf-8") as file:
+        lc.analyse("paper").print_to(file=file)
+    assert "drive torque" in (tmp_path / "out.txt").read_text(encoding="utf-8")
+
+
 def test_samples_without_an_answer_are_told_once_for_each_reason(capsys: pytest.CaptureFixture[str]) -> None:
     result = lc.analyse("crank-rocker", angles=np.radians(np.arange(0.0, 30.0, 10.0)))
     near = "the reaction at B passes near zero ({} N, peak 100 N): no direction, contact may be lost"

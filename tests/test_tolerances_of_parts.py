@@ -676,7 +676,8 @@ def test_a_yield_below_the_least_is_status_1_also_in_a_sweep(least: str, status:
 
 
 def test_a_least_yield_of_no_limit_is_refused(tmp_path: Path) -> None:
-    done = compare("accuracy", "--case", "crank-rocker", "--min-yield", "99%", cwd=tmp_path)
+    (tmp_path / "slide.toml").write_text(f"{SLIDER_CRANK}\n[tolerances]\n{STACK}", encoding="utf-8")
+    done = compare("accuracy", "--case", "slide.toml", "--min-yield", "99%", cwd=tmp_path)
     assert (done.returncode, "give them by --limit" in done.stderr) == (2, True)
 
 
@@ -700,9 +701,9 @@ def test_a_limit_that_cannot_be_is_refused(limit: str, why: str, tmp_path: Path)
     assert not (tmp_path / "reports").exists()
 
 
-def test_a_limit_without_tolerances_is_refused() -> None:
+def test_a_yield_without_tolerances_is_refused() -> None:
     with pytest.raises(ArgumentError, match="states no tolerance"):
-        lc.accuracy("crank-rocker", limits={"follower_angle": 0.1}, samples=9)
+        lc.accuracy("crank-rocker", limits={"follower_angle": 0.1}, min_yield=0.9, samples=9)
 
 
 def test_lengths_of_what_joints_hold_too_often_cannot_vary() -> None:

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
 
 import linkage_crosscheck as lc
@@ -228,6 +229,49 @@ def test_a_table_in_a_file_is_the_table_with_its_numbers(tmp_path: Path) -> None
         assert found.model_copy(update={"table": ()}) == wanted.model_copy(update={"table": ()})
         np.testing.assert_allclose(found.table, wanted.table, rtol=1e-15)
     assert loads(dumps(read)) == read  # a mechanism takes its table with it
+
+
+def test_a_table_in_python_has_its_units_or_is_a_frame() -> None:
+    at, sizes = [0.0, 90.0, 270.0], [500.0, -20.0, 7.0]
+    known = Load(
+        body="crank", torque=1.0, over="crank_angle", table=np.transpose([np.radians(at), np.divide(sizes, 1e3)])
+    )
+    frame = pandas.DataFrame({"crank_angle [deg]": at, "torque [N.mm]": sizes})
+    ours = pandas.DataFrame({"crank_angle": np.radians(at), "torque": np.divide(sizes, 1e3)})
+    ours.attrs["units"] = {"crank_angle": "rad", "torque": "N.m"}
+    pairs = [(f"{angle} deg", size / 1e3) for angle, size in zip(at, sizes, strict=True)]
+    given: list[dict[str, object]] = [{"table": table} for table in (frame, dict(frame), ours)]
+    for each in [*given, {"torque": 1.0, "table": pairs}]:
+        fields = {"body": "crank", "over": "crank_angle"} | each
+        for found in (Load(**fields), load("slider-crank").replace(loads=[fields]).loads[0]):
+            np.testing.assert_allclose(found.table, known.table, rtol=1e-12)
+            assert (found.torque, found.force) == (1.0, (0.0, 0.0))
+    both = {"position_S [mm]": [70, 90], "force_x [N]": [-900, -400], "torque [N.m]": [1, 2]}
+    loaded = load("slider-crank").replace(loads=[{"body": "slider", "over": "position_S", "table": both}]).loads
+    assert [each.table for each in loaded] == [((0.07, -900.0), (0.09, -400.0)), ((0.07, 1.0), (0.09, 2.0))]
+
+
+@pytest.mark.parametrize(
+    ("table", "why"),
+    [
+        ({"crank_angle": [0, 1], "torque [N.m]": [1, 2]}, "'crank_angle' has no unit; .*, in brackets behind its name"),
+        ({"crank_angle [deg]": [0, 1], "torq [N.m]": [1, 2]}, r"table: column 'torq \[N.m\]' .*did you mean 'torque'"),
+        ({"crank_angle [deg]": [1, 1], "torque [N.m]": [1, 2]}, "table: row 1: crank_angle does not increase"),
+        ({"crank_angle [deg]": [1, 2], "torque [N.m]": [1, "b"]}, "table: its columns are no numbers"),
+        ({"crank_angle [deg]": [1, 2], "torque [N.m]": [1, math.nan]}, "a finite number in every cell"),
+        (
+            {"crank_angle [deg]": [1, 2], "torque [N.m]": [1, 2], "force_x [N]": [1, 2]},
+            "table has columns for 2 loads; give one, or the load as a dict in loads=",
+        ),
+        ("gas.csv", "table = 'gas.csv' is a file, .*; give its pairs, or a frame"),
+        ([("0 deg", "2 N.m"), ("1 deg", 2)], "table.0..1. = '2 N.m': input should be a valid number"),
+    ],
+)
+def test_a_table_in_python_that_cannot_be_is_refused(table: object, why: str) -> None:
+    with pytest.raises(MechanismError, match=why):
+        Load(body="crank", over="crank_angle", table=table)
+    with pytest.raises(MechanismError, match="what position_S is measured in is not known here; give numbers in SI"):
+        Load(body="slider", force=(1, 0), over="position_S", table=[("70 mm", 1), ("90 mm", 2)])
 
 
 def test_a_table_over_the_crank_may_end_where_it_began(tmp_path: Path) -> None:

@@ -38,14 +38,17 @@ def load(case: str | Path) -> Mechanism:
     found when it is assembled (:mod:`analytic.kinematics.assembly`).
     """
     if not isinstance(case, str | os.PathLike):
-        raise MechanismError(f"{quoted(case)}: give the name of a case, or the path of a mechanism file")
+        made = ", or lc.Mechanism(**fields) of a dict" if isinstance(case, Mapping) else ", or a Mechanism"
+        raise MechanismError(f"{quoted(case)}: give the name of a case, or the path of a mechanism file{made}")
     if str(case) in shipped_cases():
         return _shipped(str(case))
     if not os.path.lexists(case):
-        close = difflib.get_close_matches(str(case), shipped_cases(), n=1)
+        file = f"{case}.toml"
+        close = [file] if os.path.isfile(file) else difflib.get_close_matches(str(case), shipped_cases(), n=1)
         hint = f"; did you mean {close[0]!r}" if close else ""
+        given = " ".join(brief(case).split())  # also of TOML text, in one line
         raise MechanismError(
-            f"{brief(case)}: no such mechanism file or case{hint}; the cases are {', '.join(shipped_cases())}"
+            f"{given}: no such mechanism file or case{hint}; the cases are {', '.join(shipped_cases())}"
         )
     try:
         fields = read_toml(Path(case))

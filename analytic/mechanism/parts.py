@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Literal, TypeVar, cast
+from typing import Annotated, Literal, Never, TypeVar, cast
 
 import numpy as np
 from pydantic import (
@@ -123,8 +123,12 @@ class MechanismPart(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, populate_by_name=True)
 
-    def __init__(self, **fields: object) -> None:
+    def __init__(self, *given: Never, **fields: object) -> None:
         """The part with these fields.  Raises MechanismError."""
+        if given:
+            name, first = type(self).__name__, next(iter(type(self).model_fields))
+            how = f"write {name}({first}=...), or {name}(**fields) of a dict"
+            raise MechanismError(f"{name}: fields are given by name; {how}")
         try:
             super().__init__(**fields)
         except ValidationError as error:

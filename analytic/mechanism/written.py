@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analytic.mechanism.load_table import with_tables
+from analytic.mechanism.load_table import is_frame, with_tables
 from analytic.mechanism.units import SiUnit, UnitError, factor_to_si
 
 NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*((?:1/)?[A-Za-zµμ°][\w.^/*·⋅ °-]*?)\s*")
@@ -90,12 +90,26 @@ def by_itself_in_si(kind: str, part: Mapping[str, object]) -> dict[str, object]:
     """
     units = _BY_ITSELF.get(kind)
     out = dict(part) if units is None else part_in_si(part, units(part), "")
-    for name in ENDS if kind in ("load", "stop") else ():
-        if isinstance(text := out.get(name), str) and quantity(text, "") is not None:
-            of = "over" if kind == "load" else "joint"
-            how = f"give a number in SI, or the {kind} as a dict in {kind}s=[...] of the mechanism"
-            raise UnitError(f"{name} = {text!r}: what {out.get(of)} is measured in is not known here; {how}")
+    if kind not in ("load", "stop"):
+        return out
+    unit, as_dict = ALONE.get(str(out.get("over"))), f"the {kind} as a dict in {kind}s=[...] of the mechanism"
+    if isinstance(out.get("table"), str) or (unit and is_frame(out.get("table"))):
+        out, *others = with_tables(out, unit, None, "")
+        if others:
+            raise UnitError(f"table has columns for {len(others) + 1} loads; give one, or {as_dict}")
+    for name in (*ENDS, "table"):
+        if is_frame(given := out.get(name)) or any(quantity(text, "") is not None for text in _texts(given)):
+            of, said = "over" if kind == "load" else "joint", "" if name == "table" else f" = {given!r}"
+            raise UnitError(
+                f"{name}{said}: what {out.get(of)} is measured in is not known here; give numbers in SI, or {as_dict}"
+            )
     return out
+
+
+def _texts(given: object) -> list[str]:
+    """A text, or those that begin the pairs of a table."""
+    pairs = given if isinstance(given, list | tuple) else [given]
+    return [x for pair in pairs if isinstance(x := pair[0] if isinstance(pair, list | tuple) and pair else pair, str)]
 
 
 def in_si(fields: Mapping[str, object], folder: Path | None = None) -> dict[str, object]:
@@ -273,7 +287,7 @@ def part_in_si(part: Mapping[str, object], units: Units, called: str) -> dict[st
         within = _units_within(name)
         if within is not None and isinstance(value, Mapping):
             out[name] = part_in_si(value, within, where)
-        elif name == "table" and name in units and isinstance(value, list):
+        elif name == "table" and name in units and isinstance(value, list | tuple):
             out[name] = [_pair(pair, units[name], where) for pair in value]
         elif name in units:
             out[name] = _read(value, units[name], where)
@@ -282,7 +296,7 @@ def part_in_si(part: Mapping[str, object], units: Units, called: str) -> dict[st
 
 def _pair(pair: Any, unit: str, called: str) -> Any:
     """A pair of a table, whose first is in a unit and whose second is a factor."""
-    return [_read(pair[0], unit, called), *pair[1:]] if isinstance(pair, list) and pair else pair
+    return [_read(pair[0], unit, called), *pair[1:]] if isinstance(pair, list | tuple) and pair else pair
 
 
 def _read(value: Any, unit: str, called: str) -> Any:

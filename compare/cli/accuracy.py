@@ -21,8 +21,8 @@ def accuracy(line: CommandLine) -> None:
     With several drives: the errors of a platform along a motion, or over its workspace.  With --set fields of the
     mechanism are varied, and a table says what each comes to.
 
-    Exit status: 0 computed, 1 fewer linkages than --min-yield are within the limits, or with --set some points have no
-    whole answer, 2 bad input.
+    Exit status: 0 computed, 1 a --limit of the error by clearance is broken or not known to hold, fewer linkages than
+    --min-yield are within the limits, or with --set some points have no whole answer, 2 bad input.
     """
     with line.complaints() as caught:
         from analytic.kinematics.assembly import Assembly
@@ -30,13 +30,18 @@ def accuracy(line: CommandLine) -> None:
         from compare.arguments import linkage
         from compare.platform import platform_accuracy
 
-        files = ["accuracy.json", "accuracy.csv", "accuracy.html", *["junit.xml"] * line.has("min_yield")]
+        files = [
+            "accuracy.json",
+            "accuracy.csv",
+            "accuracy.html",
+            *["junit.xml"] * (line.has("limit") or line.has("min_yield")),
+        ]
         folder = None if is_swept(line) else line.folder(f"{line.stem}-accuracy", *files)
         if not any(map(line.has, OF_SEVERAL)) and Assembly(linkage(line.case, large=True)).structure.by_crank:
             if folder is None:
                 answer(line, "accuracy", AccuracyQuestion, caught)
-            by = line.drawn(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder).tolerances
-            raise typer.Exit(Exit.AGREES if by is None or by.good else Exit.DISAGREES)
+            result = line.drawn(lambda: line.ask(accuracy, AccuracyQuestion), caught, folder)
+            raise typer.Exit(Exit.AGREES if result.holds else Exit.DISAGREES)
         for name in filter(line.has, OF_A_CRANK):
             option = f"--{name.replace('_', '-')}"
             raise OptionError(f"{option} is of linkages that one crank moves, over its angle; leave it out")

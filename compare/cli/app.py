@@ -98,11 +98,19 @@ def _plain() -> Iterator[None]:
             said, error.possibilities = f"{said.rstrip('.')}; {of_crosscheck}", None
         elif re.match(r"No such option: '?--limit\b", said) and not error.ctx.parent:
             said = f"{said.rstrip('.')}; limits are of one side: compare LINKAGE.toml --limit reaction_B=500N"
+        elif (named := re.match(r"No such command '(.+)'", said)) and (file := _file(named[1])):
+            said, error.possibilities = f"{said.rstrip('.')}; did you mean {file}?", None
         elif said.startswith("Got unexpected extra argument") and "case" in options:
-            said = f"{said}; a linkage is named with --case"
+            named = re.search(r"\((\S+)\)$", said)
+            said = f"{said}; a linkage is named with --case {_file(named[1]) if named else ''}".rstrip()
         error.message = said
         _record(error.format_message(), error.ctx.command_path if error.ctx else "compare")
         raise
+
+
+def _file(word: str) -> str:
+    """The mechanism file whose name without its ending a word is; empty where there is none."""
+    return f"{word}.toml" if Path(f"{word}.toml").is_file() else ""
 
 
 def _of_crosscheck(said: str, context: typer.Context | None) -> str:

@@ -64,21 +64,16 @@ def spelled_out(words: Sequence[str], root: typer.core.TyperGroup) -> list[str]:
     """The words of a command line of ``root``; those whose first, but for its options, is a mechanism file, or a
     shipped case that no command is called like, ask for its analysis, or with a simulator for its cross-check.  So do
     those that begin with what is more like a case than like a command.  Behind a command that has a case and nothing
-    else without an option's name, the file may stand alone.
+    else without an option's name, the file or the case may stand alone, between its options or after them.
     """
     commands = root.commands
     if words[0:1] and (command := commands.get(words[0])) and len(words) > 1 and "--case" not in words:
         alone = any(o.name == "case" for o in command.params) and all(
             o.param_type_name == "option" for o in command.params
         )
-        return [words[0], "--case", *words[1:]] if alone and words[1].endswith(".toml") else list(words)
-    flags = {word for option in root.params if getattr(option, "is_flag", False) for word in option.opts} | {
-        "-h",
-        "--help",
-    }
-    k = 0
-    while k < len(words) and words[k].startswith("-"):
-        k += 1 if "=" in words[k] or words[k] in flags else 2
+        k = 1 + _unnamed(words[1:], command.params)
+        return [*words[:k], *["--case"] * (alone and k < len(words) and _is_case(words[k])), *words[k:]]
+    k = _unnamed(words, root.params)
     if k >= len(words) or words[k] in commands or "--case" in words:
         return list(words)
     from analytic.mechanism.file import shipped_cases
@@ -86,10 +81,28 @@ def spelled_out(words: Sequence[str], root: typer.core.TyperGroup) -> list[str]:
     word, others = words[k], [*words[:k], *words[k + 1 :]]
     cases = shipped_cases()
     near = () if k else get_close_matches(word, [*commands, *cases], n=1)
-    if not (word.endswith(".toml") or word in cases or (near and near[0] in cases)):
+    if not (_is_case(word) or (near and near[0] in cases)):
         return list(words)
     checked = any(other.startswith("--simulator") for other in others)
     return [*([] if checked else ["analyse"]), "--case", word, *others]
+
+
+def _unnamed(words: Sequence[str], options: Iterable[Any]) -> int:
+    """The index of the first word that is none of these options and no value of one; their number where there is
+    none.
+    """
+    flags = {word for option in options if getattr(option, "is_flag", False) for word in option.opts}
+    k = 0
+    while k < len(words) and words[k].startswith("-"):
+        k += 1 if "=" in words[k] or words[k] in flags | {"-h", "--help"} else 2
+    return min(k, len(words))
+
+
+def _is_case(word: str) -> bool:
+    """Whether a word is a mechanism file or a shipped case."""
+    from analytic.mechanism.file import shipped_cases
+
+    return word.endswith(".toml") or word in shipped_cases()
 
 
 def same_question(context: typer.Context) -> Callable[[str | None], bool]:

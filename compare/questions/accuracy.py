@@ -63,7 +63,8 @@ class AccuracyQuestion(Question):
     limits: Annotated[
         Mapping[str, float | str] | str | None,
         Option(
-            "Largest good error, such as rocker_angle=0.05deg; says how many linkages within [tolerances] are good.",
+            "Largest good error, such as rocker_angle=0.05deg, of the linkages within [tolerances]; without any, and"
+            " of worst_rocker_angle (the worst case), of the error by clearance: status 1 where it is more.",
             Limits("OUTPUT=VALUE", "rocker_angle=0.05deg"),
             name="limit",
         ),

@@ -47,8 +47,10 @@ class AnalyseQuestion(Question):
     limits: Annotated[
         Mapping[str, float | str] | str | None,
         Option(
-            "Largest size of a signal (reaction_B=500N, drive_torque=20N.m), least transmission_angle=40deg, or a range"
-            " (stroke_rocker=84:87deg; either end may be left out); status 1 where one is broken.",
+            "Largest size of a signal (reaction_B=500N, drive_torque=20N.m) or of an error by clearance"
+            " (error_rocker_angle=0.05deg in equilibrium, worst_rocker_angle), its RMS (rms_drive_torque=5N.m), least"
+            " transmission_angle=40deg, or a range (stroke_rocker=84:87deg; either end may be left out); status 1 where"
+            " one is broken.",
             Limits("NAME=VALUE", "reaction_B=500N"),
             name="limit",
         ),

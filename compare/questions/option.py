@@ -308,21 +308,30 @@ class StepByJoint(ByJoint):
 
 
 class BySignal(ByJoint):
-    """Numbers above 0 by signal, ``drive_torque=0.05``; that there are these signals is for the function to prove."""
+    """Numbers above 0 by signal, ``drive_torque=0.05``, or with their unit; that there are these signals, and such a
+    unit, is for the function to prove.
+    """
 
     place: ClassVar[str] = "signal"
     unit: ClassVar[str] = ""
     every: ClassVar[str] = ""
 
-    def check(self, given: object, called: str) -> dict[str, float]:
-        """The numbers by signal."""
-        accepted = f"a number above 0 by signal: {self.each}"
+    def size(self, value: str, called: str) -> float | str:
+        from analytic.mechanism.written import NUMBER
+
+        return value if NUMBER.fullmatch(value) else super().size(value, called)
+
+    def check(self, given: object, called: str) -> dict[str, float | str]:
+        """The numbers by signal, or texts with their unit."""
+        accepted = f"a number above 0, or a text with its unit, by signal: {self.each}"
+        given = self.parse(given, called) if isinstance(given, str) else given
         if not isinstance(given, Mapping) or not given:
             raise unusable(called, given, accepted)
         for name, size in given.items():
-            if not isinstance(size, Real) or isinstance(size, bool) or not 0 < float(size) < math.inf:
+            known = isinstance(size, Real) and not isinstance(size, bool) and 0 < float(size) < math.inf
+            if not known and not isinstance(size, str):
                 raise ArgumentError(called, f"{name} = {size!r} cannot be used; give {accepted}")
-        return {str(name): float(size) for name, size in given.items()}
+        return {str(name): size if isinstance(size, str) else float(size) for name, size in given.items()}
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ class PlanQuestion(Question):
     ]
     _: KW_ONLY
     sensors: Annotated[
-        Mapping[str, float] | None,
+        Mapping[str, float | str] | str | None,
         Option(
-            "Sensors that there are, with their noise (1 sigma, SI) [those of the plan.toml].",
-            BySignal("SIGNAL=NOISE,...", each="SIGNAL=NOISE, such as drive_torque=0.05"),
+            "Sensors that there are, with their noise (1 sigma, SI or with its unit) [those of the plan.toml].",
+            BySignal("SIGNAL=NOISE,...", each="SIGNAL=NOISE, such as drive_torque=0.05 or crank_angle=0.01deg"),
         ),
     ] = None
     budget: Annotated[

@@ -12,10 +12,12 @@ from compare.presentation import Presentation
 from compare.quantities import shown
 from compare.report import accuracy_page
 from compare.report.accuracy_page import LEAST_SHOWN, output_rows, summary_html
+from compare.report.analysis import judged as of_limits
 from compare.report.curves import MOST, legend, partly
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_outputs, yields
 from compare.report.words.accuracy import notes
+from compare.report.words.limits import limits
 from compare.results.accuracy import Accuracy
 
 if TYPE_CHECKING:
@@ -23,19 +25,23 @@ if TYPE_CHECKING:
 
 
 def files(result: Accuracy) -> dict[str, str]:
-    """The page, the numbers as a table, and a JUnit file where a yield was asked for."""
+    """The page, the numbers as a table, and a JUnit file where a yield or limits were asked for."""
     judged_so = judged(result)
-    tests = {"junit.xml": junit_xml(f"yield of {result.case}", judged_so, result.file)} if judged_so else {}
+    kind = "limits" if result.limits else "yield"
+    tests = {"junit.xml": junit_xml(f"{kind} of {result.case}", judged_so, result.file)} if judged_so else {}
     return accuracy_page.files(result) | tests
 
 
 def judged(result: Accuracy) -> list[JUnitSuite]:
-    """The yield as a test case, where one was asked for."""
-    by = result.tolerances
+    """Each limit of the error by clearance, and the yield, as a test case, where they were asked for."""
+    by, suites = result.tolerances, of_limits(result)
     if by is None or by.min_yield is None:
-        return []
+        return suites
     *_, said = yields(by)
-    return [JUnitSuite("yield", [JUnitCase((result.case,), "yield", said, "" if by.good else said, kind="yield")])]
+    return [
+        *suites,
+        JUnitSuite("yield", [JUnitCase((result.case,), "yield", said, "" if by.good else said, kind="yield")]),
+    ]
 
 
 NORMAL_95 = 1.96  # sigmas of a normal distribution, within which 95 % of it are
@@ -90,7 +96,7 @@ def print_table(result: Accuracy, console: Console) -> None:
     print_rows(console, OUTPUTS, output_rows(result), left=("output", "unit", "sensitive to"))
     if result.tolerances is not None:
         print_outputs(result.tolerances, console)
-    say(console, *notes(result))
+    say(console, *(f"{limit.verdict}: {said}" for _, limit, said in limits(result)), *notes(result))
 
 
 PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)

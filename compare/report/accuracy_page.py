@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +19,9 @@ from compare.report.linkage_page import ERRORS, linkage_page, numbers_of
 from compare.report.mover import Column, Mover, Moving, Read, Side, opens
 from compare.report.moving_picture import moving_picture
 from compare.report.pages import glimpse
-from compare.report.peaks import LEAST_PART, over
+from compare.report.peaks import LEAST_PART, NOTHING, over
 from compare.report.svg import draw
+from compare.report.words import limits
 from compare.report.words.accuracy import cautions
 from compare.results.accuracy import Accuracy, Output
 
@@ -79,7 +80,7 @@ def _facts(result: Accuracy) -> dict[str, str]:
         x.label.capitalize(): f"{plain(x.values[0], 4)} to {x.at(-1)}, {count(len(x.values), 'sample')}",
         "Radial clearance": sizes or "none",
         "Monte Carlo": f"{count(result.samples, 'sample')} {closed}",
-    }
+    } | limits.facts(result)
 
 
 @dataclass(frozen=True)
@@ -154,18 +155,19 @@ def output_rows(result: Accuracy) -> list[tuple[str, ...]]:
     """A row of the table for each output that has any: its largest numbers over the crank angles, in millimetres and
     degrees.
     """
-    rows = [_row(name, output, result.crank_angle) for name, output in result.outputs.items()]
+    rows = [_row(name, output, result.crank_angle, result.clearance) for name, output in result.outputs.items()]
     return [row for row in rows if set(row[2:]) != {"-"}]
 
 
-def _row(name: str, output: Output, theta: np.ndarray) -> tuple[str, ...]:
+def _row(name: str, output: Output, theta: np.ndarray, loose: Collection[str]) -> tuple[str, ...]:
     unit, factor = shown(output.unit)
 
     def cell(values: np.ndarray, sign: bool = True) -> str:
         k = _largest(values)
         return "-" if k is None else plain(float(values[k]) * factor, 3, sign)
 
-    slope, joint = max((float(values.max()), joint) for joint, values in output.sensitivity.items())
+    slopes = {joint: float(values.max()) for joint, values in output.sensitivity.items()}
+    slope, joint = max((slopes[joint], joint) for joint in loose or slopes)
     return (
         name,
         unit,
@@ -176,7 +178,7 @@ def _row(name: str, output: Output, theta: np.ndarray) -> tuple[str, ...]:
         cell(output.monte_carlo.free.sigma, False),
         cell(output.compliance),
         cell(output.total),
-        f"{joint} {plain(slope * factor * 1e-3)} {unit}/mm" if slope else "-",
+        f"{joint} {plain(slope * factor * 1e-3)} {unit}/mm" if slope > NOTHING * max(slopes.values()) else "-",
     )
 
 

@@ -8,11 +8,11 @@ from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report import analysis_page
-from compare.report.peaks import GOOD, error_peaks, mean_torque, over, poor, power_ends, strokes
+from compare.report.peaks import GOOD, effective, error_peaks, mean_torque, over, poor, power_ends, strokes
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
-from compare.report.words.limits import limits
+from compare.report.words.limits import Limited, limits
 from compare.report.words.validity import RPM
 from compare.results.analysis import Analysis
 
@@ -25,11 +25,11 @@ def files(result: Analysis) -> dict[str, str]:
     return analysis_page.files(result) | tests
 
 
-def judged(result: Analysis) -> list[JUnitSuite]:
+def judged(result: Limited) -> list[JUnitSuite]:
     """Each limit that was asked for as a test case."""
     cases = [
         JUnitCase(
-            (result.case, "limit"),
+            (result.mechanism.name, "limit"),
             name,
             said=sentence,
             failure=sentence if limit.verdict != "holds" else "",
@@ -52,12 +52,16 @@ def print_table(result: Analysis, console: Console) -> None:
         print_rows(console, ERROR_HEADS, rows, left=("error by clearance", "unit", "by joint, first order"))
     if result.tolerances is not None:
         print_signals(result.tolerances, over(result), console)
+    told = []
     if result.mechanism.speed is not None:
         speed, mean = result.mechanism.speed, mean_torque(result)
         watts = [end.value for ends in power_ends(result).values() for end in ends]
         power = f", at most {plain(max(watts), 4)} W" if watts else ""
         power += f", in the mean {plain(mean * speed, 4)} W" if power and mean is not None else ""
-        say(console, f"drive: {plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s){power}")
+        told.append(f"{plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s){power}")
+    told += [f"RMS of {q.label} {plain(rms, 4)} {q.unit.replace('·', '.')}" for q, rms in effective(result)]
+    if told:
+        say(console, f"drive: {', '.join(told)}")
     for joint, stroke in strokes(result):
         say(console, f"stroke of {joint}: {stroke}")
     if poor(result):

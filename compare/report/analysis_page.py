@@ -20,6 +20,7 @@ from compare.report.peaks import (
     NOTHING,
     Acting,
     acting,
+    effective,
     mean_torque,
     over,
     peaks,
@@ -29,7 +30,7 @@ from compare.report.peaks import (
     unanswered,
 )
 from compare.report.svg import draw
-from compare.report.words.limits import limits
+from compare.report.words import limits
 from compare.results.analysis import Analysis
 
 NOTE = (
@@ -73,15 +74,14 @@ def _facts(result: Analysis) -> dict[str, str]:
     if m.speed and mean is not None:
         work = mean * 2 * np.pi * np.sign(m.speed)
         facts["Mean power of the drive"] = f"{number(mean * m.speed, 4)} W, {number(work, 4)} J a turn"
+    facts |= {f"RMS of {q.label}": f"{number(rms, 4)} {q.unit}" for q, rms in effective(result)}
     facts |= {f"Stroke of {joint}": stroke for joint, stroke in strokes(result)}
     angle = transmission_angle(result)
     if angle is not None and np.nanmin(angle) < 89.9:
         at = int(np.nanargmin(angle))
         below = f"; below 40 deg at {poor(result)}" if poor(result) else ""
         facts["Least transmission angle"] = f"{number(float(angle[at]), 3)} deg at {x.at(at)}{below}"
-    for name, limit, said in limits(result):
-        facts[f"Limit of {name}"] = f"{limit.verdict}: {said.removeprefix(f'{name} is ')}"
-    return facts
+    return facts | limits.facts(result)
 
 
 def _mover(result: Analysis, still: Markup) -> Mover:

@@ -98,7 +98,7 @@ def peak(result: Analysis | Simulation, quantity: Quantity, sought: str = "") ->
     return Peak(quantity, End(float(values[high]), x[high]), End(float(values[low]), x[low]))
 
 
-def place(result: Analysis | Simulation, at: float) -> float:
+def place(result: Of, at: float) -> float:
     """A crank angle (rad), or a time (s) of a result that is over times, as its samples are plotted over them."""
     x = over(result)
     if result.time is None:
@@ -250,6 +250,15 @@ def mean_torque(result: Analysis) -> float | None:
         return None
     largest = max(abs(torque.highest or 0.0), abs(torque.lowest or 0.0))
     return torque.mean if abs(torque.mean) > NOTHING * largest else 0.0
+
+
+def effective(result: Analysis) -> Iterator[tuple[Quantity, float]]:
+    """The root mean square, in the quantity's unit, of what each drive gives over a turn or over time, where known."""
+    x, given = over(result), drive_signals(result.mechanism)
+    for quantity in (each.quantity for each in peaks(result) if x.around or x.of_time):
+        found = result.extremes.get(quantity.signal) if quantity.signal in given else None
+        if found is not None and found.rms is not None:
+            yield quantity, quantity.factor * found.rms
 
 
 def power_ends(result: Analysis | Simulation) -> dict[str, list[End]]:

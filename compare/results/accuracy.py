@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from analytic.mechanism.one_line import count
+from compare.results.analysis import Limit
 from compare.results.document import Document, Filled, Grid, Mechanism, Part, Row, Series, as_dataframe, rows_of
 from compare.results.looked_at import error_peaks
 from compare.results.toleranced import AccuracyByTolerance
@@ -156,9 +157,18 @@ class Accuracy(Document):
     tolerances: Annotated[
         AccuracyByTolerance | None, Field(description="What the mechanism's tolerances do, where it states any.")
     ] = None
+    limits: Annotated[
+        Mapping[str, Limit], Field(description="Of the error by clearance, by name, where limits were asked for.")
+    ] = {}
     command: str
     warnings: tuple[str, ...]
     assumed: Filled = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether every limit of the error holds, and as many linkages are good as was asked for."""
+        within = all(each.verdict == "holds" for each in self.limits.values())
+        return within and (self.tolerances is None or self.tolerances.good)
 
     @property
     def time(self) -> None:

@@ -69,14 +69,14 @@ class _Side(WithReactions, Document):
 
     @property
     def peaks(self) -> pandas.DataFrame:
-        """A data frame of the largest value of each signal, with its sign, SI: signal, unit, largest, and the crank
-        angle (rad) and time (s) where it is.
+        """A data frame of the largest value of each signal, with its sign, SI: signal, unit, largest, the crank angle
+        (rad) and time (s) where it is, and of an analysis the rms.
 
         Raises ImportError with the remedy where pandas is not installed.
         """
         swings = self.time is not None and self.mechanism.speed is None
         angle = self.crank_angle if self.mechanism.cranked or not swings else None
-        return as_dataframe([*peaks(self.signals, self.kinds, angle, self.time, self._between)], "peaks")
+        return as_dataframe([*peaks(self.signals, self.kinds, angle, self.time, self._between, self._rms)], "peaks")
 
     @property
     def drawable(self) -> Collection[str]:
@@ -86,6 +86,11 @@ class _Side(WithReactions, Document):
     @property
     def _between(self) -> dict[str, tuple[float, float]]:
         """Largest value of signals and its crank angle or time, where that is known between the samples too."""
+        return {}
+
+    @property
+    def _rms(self) -> dict[str, float | None]:
+        """Root mean square of signals, where it was looked for."""
         return {}
 
     def units(self) -> Mapping[str, str]:
@@ -131,6 +136,7 @@ class Extremes(Part):
     lowest: Number
     lowest_at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times.")]
     mean: Annotated[Number, Field(description="Over the crank angle or time; null where there is a gap.")] = None
+    rms: Annotated[Number, Field(description="Root mean square, as the mean: what a motor is sized by.")] = None
 
 
 class Limit(Part):
@@ -214,6 +220,10 @@ class Analysis(_Side):
             if len(known) == len(both):
                 found[name] = max(known, key=lambda end: abs(end[0]))
         return found
+
+    @property
+    def _rms(self) -> dict[str, float | None]:
+        return {name: ends.rms for name, ends in self.extremes.items()}
 
     def __repr__(self) -> str:
         flagged = f", {len(self.flags)} without an answer" if self.flags else ""

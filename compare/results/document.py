@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence, Sized
 from copy import copy
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, overload
+from typing import IO, TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, overload
 
 import numpy as np
 from pydantic import (
@@ -305,13 +305,17 @@ class Document(Part):
             return False
         return getattr(there, "command", None) == getattr(self, "command", None)
 
-    def print_to(self, console: Console | None = None) -> None:
-        """Print what matters as a table, by default where ``print`` does; names and paths as they are, brackets and
-        colons too.
+    def print_to(self, console: Console | None = None, *, file: IO[str] | None = None) -> None:
+        """Print what matters as a table, by default where ``print`` does, or into a ``file``, as ``print(file=...)``;
+        names and paths as they are, brackets and colons too.  Raises ArgumentError.
         """
         from rich.console import Console
 
-        literal = copy(console or Console())  # its output is the console's
+        from compare.faults import unusable
+
+        if not isinstance(console, Console | None):
+            raise unusable("console", console, "a rich Console, or an open file as print_to(file=...)")
+        literal = copy(console or Console(file=file))  # its output is the console's
         literal._markup = literal._emoji = False
         self._shown().print_table(self, literal)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -24,10 +25,11 @@ def peaks(
     crank_angle: np.ndarray | None,
     time: np.ndarray | None,
     known: Mapping[str, tuple[float, float]],
+    rms: Mapping[str, float | None] = MappingProxyType({}),
 ) -> Iterator[Row]:
     """A row for each of one side's signals (N,) SI that is more than rounding, but for directions of reactions and
     angles that go round: its largest value, with its sign, and the crank angle (rad) and time (s) of it, as far as
-    there are such; where it is ``known`` between the samples too, there.
+    there are such; where it is ``known`` between the samples too, there; and its ``rms``, if there is any.
     """
     named = {name: values for name, values in signals.items() if name in kinds and np.any(np.isfinite(values))}
     scale = dict.fromkeys(("N", "m", "N.m"), 0.0)
@@ -46,7 +48,13 @@ def peaks(
             places = {"crank_angle": float(np.interp(first, time, crank_angle)), "time": first}
         elif first is not None:
             places = dict.fromkeys(places, first)
-        yield {"signal": name, "unit": kind.unit, "largest": largest, **places}
+        yield {
+            "signal": name,
+            "unit": kind.unit,
+            "largest": largest,
+            **places,
+            **({"rms": rms.get(name)} if rms else {}),
+        }
 
 
 class _OfLinkage(Protocol):

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
     from sim_models.engine import SettingValue
 
+UNITS = {"time": "s", "crank_angle": "rad", "journal_angle": "rad", "contact_force": "N"} | dict.fromkeys(
+    ("journal_x", "journal_y"), "m"
+)
+
 
 class _Loose(Protocol):
     """A run of joints with clearance."""
@@ -55,7 +59,8 @@ class WithPlay:
 
     def contact_frame(self: _Loose, joint: str | None = None) -> pandas.DataFrame:
         """The same as a data frame.  Raises KeyError, or ImportError with the remedy where pandas is not installed."""
-        return as_dataframe([row for name in _named(self, joint) for row in _rows(self, name)], "contact_frame")
+        rows = [row for name in _named(self, joint) for row in _rows(self, name)]
+        return as_dataframe(rows, "contact_frame", UNITS)
 
     def plot_orbit(self: _Loose, joint: str | None = None) -> Figure:
         """A matplotlib figure of each pin's path in its clearance circle, its points in the colour of the force there.

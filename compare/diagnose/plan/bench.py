@@ -122,7 +122,7 @@ class Bench:
 
 def read_bench(
     given: Mechanism | Measured | str | Path,
-    sensors: Mapping[str, float] | None,
+    sensors: Mapping[str, float | str] | None,
     budget: float | None,
     default_budget: float,
 ) -> Bench:
@@ -175,7 +175,7 @@ def _checked(
     mechanism: Mechanism,
     rig: RigTable,
     tolerance: Mapping[str, float],
-    sensors: Mapping[str, float] | None,
+    sensors: Mapping[str, float | str] | None,
     budget: float | None,
     default_budget: float,
 ) -> Bench:
@@ -238,30 +238,36 @@ def _loadings(where: str, mechanism: Mechanism, rig: RigTable, assumed: list[str
     return found
 
 
-def _sensors(where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str, float] | None) -> tuple[Sensor, ...]:
+def _sensors(
+    where: str, mechanism: Mechanism, rig: RigTable, given: Mapping[str, float | str] | None
+) -> tuple[Sensor, ...]:
     """The sensors that could be used.  Raises ArgumentError or MeasuredError."""
-    known = readable(mechanism)
     entries = rig.sensors if given is None else {name: SensorEntry(noise=noise) for name, noise in given.items()}
     if not entries:
         raise ArgumentError(
             "sensors",
             f"there are none; give each with its noise (1 sigma, SI), such as {mechanism.efforts[0].name}=0.05",
         )
-    found = []
-    for name, entry in entries.items():
-        if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            remedy = (
-                f"did you mean {close[0]!r}" if close else f"its signals are {', '.join(list(known)[:LISTED])}, ..."
-            )
-            raise ArgumentError("sensors", f"{where}{name!r} is no signal of {mechanism.name}; {remedy}")
-        noise = _si(f"{where}sensors {name}", entry.noise, known[name].unit)
-        found.append(Sensor(name, noise, entry.price))
-    return tuple(found)
+    if given is None:
+        return tuple(_sensor(f"{where}rig.sensors ", name, entry, mechanism) for name, entry in entries.items())
+    try:
+        return tuple(_sensor("", name, entry, mechanism) for name, entry in entries.items())
+    except OptionError as error:
+        raise ArgumentError("sensors", str(error)) from None
+
+
+def _sensor(where: str, name: str, entry: SensorEntry, mechanism: Mechanism) -> Sensor:
+    """A sensor, its noise in SI.  Raises OptionError."""
+    known = readable(mechanism)
+    if name in known:
+        return Sensor(name, _si(f"{where}{name}", entry.noise, known[name].unit), entry.price)
+    close = difflib.get_close_matches(name, known, n=1)
+    remedy = f"did you mean {close[0]!r}" if close else f"its signals are {', '.join(list(known)[:LISTED])}, ..."
+    raise OptionError(f"{where}{name!r} is no signal of {mechanism.name}; {remedy}")
 
 
 def _si(where: str, given: Quantity, unit: str) -> float:
-    """A quantity above 0, in SI: a number, or a text with its unit (``60 rpm``).  Raises ArgumentError."""
+    """A quantity above 0, in SI: a number, or a text with its unit (``60 rpm``).  Raises OptionError."""
     try:
         value = number(given, unit)
     except UnitError as error:

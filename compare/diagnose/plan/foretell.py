@@ -16,8 +16,10 @@ from compare.diagnose.plan.information import CAREFUL, Key, Outcomes, Products
 from compare.diagnose.plan.pool import Pool, Suspect
 from compare.diagnose.posterior.prior import CREDIBLE, SLIGHT
 from compare.diagnose.predict import Model, Term
+from compare.diagnose.problem import silent
 from compare.diagnose.residuals import Data
 from compare.diagnose.sensitivities import Sensitivity, sensitivities
+from compare.progress import Progress
 
 TOGETHER = 3  # further effects that a combination is of, at most
 SEEN = 1.0  # sigma of all samples together, from which on something shows
@@ -34,7 +36,9 @@ class Known:
     careful: Mapping[str, Interval]
 
 
-def known(pool: Pool, runs: Sequence[int], sensors: Sequence[str], terms: Sequence[Term]) -> dict[Term, Known]:
+def known(
+    pool: Pool, runs: Sequence[int], sensors: Sequence[str], terms: Sequence[Term], progress: Progress = silent
+) -> dict[Term, Known]:
     """How well each of some terms would be known in some runs with these sensors; those that the model cannot make at
     their natural size are left out.
     """
@@ -42,7 +46,8 @@ def known(pool: Pool, runs: Sequence[int], sensors: Sequence[str], terms: Sequen
     errors = _errors(pool, fitter, [t for t in (s.term for s in pool.suspects) if t.effect.name in SLIGHT])
     careful, alike = fitter.data.beside(errors), np.ones(fitter.data.size)
     found = {}
-    for term in terms:
+    for k, term in enumerate(terms):
+        progress("how well each effect would be known", k, len(terms))
         size = np.clip(pool.prior.size(term), *fitter.bounds(term))
         # the interval of what leaps is looked for in data
         fit = None if term.effect.leaps else fitter.at((term,), {term: size})

@@ -21,9 +21,11 @@ from compare.diagnose.fit import Fitter
 from compare.diagnose.plan.bench import A_TURN, LEAST, Bench, Loading
 from compare.diagnose.posterior.prior import SLIGHT, Prior
 from compare.diagnose.predict import Model, Term
+from compare.diagnose.problem import silent
 from compare.diagnose.residuals import Data
-from compare.diagnose.sensitivities import candidates, sensitivities
+from compare.diagnose.sensitivities import Sensitivity, candidates, sensitivities
 from compare.faults import ArgumentError, OptionError
+from compare.progress import Progress
 
 DENSE = 60  # samples of a turn, and
 MOST = 239  # of a run, that stand for all of it; a prime number, with which no harmonic of the crank repeats itself
@@ -87,7 +89,7 @@ class Pool:
     hidden: tuple[Term, ...]  # effects of the rig that no sample of any of these runs would show
 
 
-def pool(bench: Bench) -> Pool:
+def pool(bench: Bench, progress: Progress = silent) -> Pool:
     """Every run that a rig could make.  Raises ArgumentError or OptionError where it can make none, or too many."""
     runs = _runs(bench)
     measured, model, rig = _as_if_measured(bench, runs)
@@ -101,19 +103,24 @@ def pool(bench: Bench) -> Pool:
     terms = [t for t in terms if not t.effect.acts_by_itself(t.variant)]
     terms = [t for t in terms if not repeats(t.effect, t.variant)]  # what varies is seen in data
     prior = Prior.of(rig, fitter.bounds, [t for t in terms if t.effect.place != "run" or t.where == rig.runs[0]])
-    suspects, columns, slight = _signatures(fitter, prior, terms)
+    suspects, columns, slight = _signatures(fitter, prior, terms, progress)
     every = np.hstack([columns, slight])
     gram = {(p.run, p.signal): every[p.place].T @ every[p.place] for p in fitter.data.parts}
     hidden = tuple(s.term for s in suspects if s.rig and not columns[:, s.at].any())
     return Pool(bench, runs, tuple(suspects), gram, slight.shape[1], measured, noise, rig, prior, hidden)
 
 
-def _signatures(fitter: Fitter, prior: Prior, terms: Sequence[Term]) -> tuple[list[Suspect], np.ndarray, np.ndarray]:
+def _signatures(
+    fitter: Fitter, prior: Prior, terms: Sequence[Term], progress: Progress
+) -> tuple[list[Suspect], np.ndarray, np.ndarray]:
     """The suspects, all their columns (size, n), and what errors of careful work do (size, k)."""
     base, rig = fitter.at((), {}), prior.rig
     assert base is not None  # the nominal mechanism has made the runs
     common = [t for t in terms if not in_each_run(t.effect, t.variant)]
-    found = sensitivities(fitter, base, common)
+    found: dict[Term, Sensitivity] = {}
+    for k, term in enumerate(common):
+        progress("what each effect would do in each run", k, len(common))
+        found |= sensitivities(fitter, base, [term])
     each_run = {t.key: t for t in terms if in_each_run(t.effect, t.variant)}
     suspects: list[Suspect] = []
     columns, slight = [np.zeros((fitter.data.size, 0))], [np.zeros((fitter.data.size, 0))]

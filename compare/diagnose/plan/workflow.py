@@ -44,9 +44,9 @@ def plan(question: PlanQuestion) -> Plan:
     """
     with noted() as warned, progress_bar(question.progress) as told, warnings.catch_warnings():
         warnings.simplefilter("ignore", MechanismWarning)  # of mechanisms that are only tried
+        assert not isinstance(question.sensors, str)  # the question has read it
         bench = read_bench(question.rig, question.sensors, question.budget, RUNS)
-        told("what each effect would do in each run", 0, None)
-        every = pool(bench)
+        every = pool(bench, told)
         best = Chooser(every, told).best()
         warned += omitted(bench.mechanism, Asked("plan", "driven", ("contact",), bench.mechanism.bends))
         return _document(every, best, tuple(warned), told)
@@ -59,7 +59,7 @@ def _document(every: Pool, best: Chosen, warned: tuple[str, ...], told: Progress
     these = products(every, best.runs, best.sensors)
     any_size, usual = outcomes(these, THOROUGH), outcomes(these, THOROUGH, USUAL)
     terms = [_likeliest(these.suspects, key) for key in these.keys]
-    intervals = known(every, best.runs, best.sensors, [t for t in terms if t not in every.hidden])
+    intervals = known(every, best.runs, best.sensors, [t for t in terms if t not in every.hidden], told)
     effects = [_effect(term, i, any_size, usual, intervals.get(term)) for i, term in enumerate(terms)]
     hidden = [t.key for t in every.hidden]
     return Plan(
@@ -77,7 +77,7 @@ def _document(every: Pool, best: Chosen, warned: tuple[str, ...], told: Progress
             )
             for s in bench.sensors
         ),
-        steps=tuple(_steps(every, best)),
+        steps=tuple(_steps(every, best, told)),
         budget=bench.budget,
         spent=best.spent,
         possible_runs=len(every.runs),
@@ -168,12 +168,13 @@ def _run(candidate: CandidateRun) -> results.PlannedRun:
     )
 
 
-def _steps(every: Pool, best: Chosen) -> list[results.PlanStep]:
+def _steps(every: Pool, best: Chosen, told: Progress) -> list[results.PlanStep]:
     """What each part adds, in the order in which they are worth most."""
     free = {s.signal for s in every.bench.sensors if not s.price}
     price = {s.signal: s.price for s in every.bench.sensors}
     found = []
     for k, step in enumerate(best.steps):
+        told("what each run and sensor adds", k, len(best.steps))
         parts = [each.part for each in best.steps[: k + 1]]
         runs = [part for part in parts if isinstance(part, int)]
         sensors = [s for s in best.sensors if s in free or s in parts]

@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Protocol
+
 from analytic.mechanism.one_line import count
 from compare.quantities import plain, shown
-from compare.report.peaks import over, place
-from compare.results.analysis import Analysis, Limit
+from compare.report.peaks import Of, over, place
+from compare.results.analysis import Limit
 
 DIGITS = 5
 
 
-def limits(result: Analysis) -> list[tuple[str, Limit, str]]:
+class Limited(Of, Protocol):
+    """What may have limits."""
+
+    @property
+    def limits(self) -> Mapping[str, Limit]: ...
+
+
+def facts(result: Limited) -> dict[str, str]:
+    """Each limit as a page says it."""
+    return {
+        f"Limit of {name}": f"{limit.verdict}: {said.removeprefix(f'{name} is ')}"
+        for name, limit, said in limits(result)
+    }
+
+
+def limits(result: Limited) -> list[tuple[str, Limit, str]]:
     """Each limit by its name, with what there is to say of it in a sentence; those that hold at the end."""
     ordered = sorted(result.limits.items(), key=lambda item: item[1].verdict == "holds")
     return [(name, limit, f"{name} {_said(result, limit)}") for name, limit in ordered]
 
 
-def _said(result: Analysis, limit: Limit) -> str:
+def _said(result: Limited, limit: Limit) -> str:
     unit, factor = shown(limit.unit)
     unit = unit.replace("·", ".")
     of_size = limit.largest is not None and limit.least == -limit.largest
