@@ -200,8 +200,8 @@ def test_a_check_of_its_own_export_has_the_sides_and_verdicts_of_the_cross_check
     given = {
         name: values for name, values in run.simulated.items() if not np.all(np.isnan(values))
     }  # others are not there
-    # a pin starts where rates of rates of its equilibria have it (1e-12 m of noise, by the linkage's unit of length), and
-    # each time it bounces that grows: to 0.34 mN.m of 247 N.m at 5000 rpm
+    # a pin starts where rates of rates of its equilibria have it (1e-12 m of noise, by the linkage's unit of length),
+    # and each time it bounces that grows: to 0.34 mN.m of 247 N.m at 5000 rpm
     within = 1e-5 if asked.loose and asked.motion == "driven" else 1e-6
     assert len(same(given, simulated(asked).signals, asked.m, within)) > 5 * len(asked.m.bodies)
     assert same(run.analytic, expected.analytic, asked.m, 1e-7) == set(

@@ -67,8 +67,8 @@ class Log:
 
 @dataclass
 class MujocoSteps:
-    """What a run stepped: the model, its state and accelerations at the first ``time`` (s), then (steps, their size in s,
-    whether signals were taken after them).
+    """What a run stepped: the model, its state and accelerations at the first ``time`` (s), then (steps, their size in
+    s, whether signals were taken after them).
     """
 
     link: MujocoLinkage
