@@ -15,7 +15,7 @@ from numba import njit
 from scipy.integrate import DOP853
 
 FASTEST = math.pi / 2  # rad in the shortest step: what turns faster has run away, and is followed no more
-MOST = 1e5  # rad that a motion may go from where it starts: what goes farther has run away, too
+RUN_AWAY = 1e5  # rad that a motion may go from where it starts: what goes farther has run away, too
 ERROR = 1e-11  # rad, or rad/s (of faster rates their share), that a step may err by
 FARTHEST = math.radians(10.0)  # that a crank may turn in a step: no bend of a coefficient is stepped over
 GROWTH, CAUTION = 5.0, 0.9  # from step to step, at most; of the step that the estimate allows
@@ -235,7 +235,7 @@ def follow(
             set_off, far = 0.0, max(shortest, min(ahead, FARTHEST / max(abs(at[1, 0]), 1e-9)))
             h, allowed = move(table, way, min(far, left), shortest, here, slope, at)
             ahead = allowed if far <= left else max(ahead, allowed)
-        if not (abs(at[1, END]) * shortest < FASTEST and abs(at[0, END] - start[0]) < MOST):
+        if not (abs(at[1, END]) * shortest < FASTEST and abs(at[0, END] - start[0]) < RUN_AWAY):
             out[:, k:] = np.nan
             return
         now = time[end] if h >= left else now + h

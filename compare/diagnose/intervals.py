@@ -13,7 +13,7 @@ from compare.diagnose.leaps import plausible
 from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.predict import Term
 
-SURE = 1.96  # standard deviations either way of a 95 % interval
+NORMAL_95 = 1.96  # standard deviations either way of a 95 % interval
 
 
 @dataclass(frozen=True)
@@ -53,11 +53,11 @@ def intervals(fitter: Fitter, fit: Fit, i: int, weights: np.ndarray) -> dict[str
         alone = np.flatnonzero(slope)
         if alone.size == 1:  # of one coordinate, which may be bent and have an end
             nudge = np.zeros(x.size)
-            nudge[alone] = SURE * math.sqrt(max(float(own[alone[0], alone[0]]), 0.0))
+            nudge[alone] = NORMAL_95 * math.sqrt(max(float(own[alone[0], alone[0]]), 0.0))
             ends = [_reported(fitter, term, np.clip(x + side * nudge, low, high))[p] for side in (-1, 1)]
             out[p] = interval(p, v, ends, bool(blind[alone[0]]))
             continue
-        half = SURE * math.sqrt(max(float(slope @ own @ slope), 0.0))
+        half = NORMAL_95 * math.sqrt(max(float(slope @ own @ slope), 0.0))
         out[p] = interval(p, v, [v - half, v + half], bool((blind & (slope != 0)).any()))
     if term.effect.leaps:
         less, more = (_reported(fitter, term, x * share) for share in plausible(fitter, fit, i, weights))

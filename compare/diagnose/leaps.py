@@ -17,7 +17,7 @@ from compare.diagnose.residuals import SPIKE
 SHARES = np.linspace(0.6, 1.6, 21)  # of a value, at which chi^2 is looked at
 LOOKS = 3  # each closer at what the one before leaves
 STEPS = 20  # of a closer look, at least
-SURE = 3.84  # of chi^2: 95 % of one number
+CHI2_95 = 3.84  # of chi^2: 95 % of one number
 
 
 def plausible(fitter: Fitter, fit: Fit, i: int, weights: np.ndarray) -> tuple[float, float]:
@@ -26,14 +26,14 @@ def plausible(fitter: Fitter, fit: Fit, i: int, weights: np.ndarray) -> tuple[fl
     """
     landing = SPIKE**2 * len({part.signal for part in fitter.data.parts})
     shares, sizes = _staircase(fitter, fit, i, weights, SHARES)
-    first, last = _within(sizes, SURE + landing)
+    first, last = _within(sizes, CHI2_95 + landing)
     for _ in range(LOOKS - 1):
         shares, sizes = _staircase(fitter, fit, i, weights, _closer(shares[max(first - 1, 0) : last + 2]))
-        first, last = _within(sizes, SURE + landing)
+        first, last = _within(sizes, CHI2_95 + landing)
     steps = np.diff(sizes)
     leaps = np.abs(steps - median_filter(steps, 3, mode="nearest"))
     largest = float(leaps[first:last].max(initial=0.0))
-    most = SURE + (min(largest, landing) if largest > SURE else 0.0)
+    most = CHI2_95 + (min(largest, landing) if largest > CHI2_95 else 0.0)
     first, last = _within(sizes, most)
     limit = sizes.min() + most
     low, high = float(shares[first]), float(shares[last])

@@ -16,9 +16,9 @@ from compare.diagnose.residuals import Colour, Data
 
 WINDOWS = 36  # of a run or of a turn, over which residuals are averaged
 TURNS = 3  # of a run, from which on what comes back with the crank's angle is told by the angle
-FEW = 6  # windows of a turn, at least
-SURE = 4.5  # sigmas of a window's mean
-MOST = 60  # stretches listed
+FEWEST_WINDOWS = 6  # windows of a turn, at least
+WINDOW_SIGMAS = 4.5  # sigmas of a window's mean
+MOST_STRETCHES = 60  # stretches listed
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def locate(
             size = float(r[at].mean()) * sigma
             if abs(size) > least:
                 found.append(Stretch(run.name, part.signal, begin, end, size, unit, sure, when))
-    return sorted(found, key=lambda s: -s.sigmas)[:MOST]
+    return sorted(found, key=lambda s: -s.sigmas)[:MOST_STRETCHES]
 
 
 def _told(
@@ -100,7 +100,7 @@ def _turned(theta: np.ndarray) -> list[np.ndarray]:
     turns = float(theta[-1] - theta[0]) / math.tau
     if abs(turns) < TURNS or np.any(np.diff(theta) * turns < 0):
         return []
-    for count in range(min(WINDOWS, int(theta.size / abs(turns))), FEW - 1, -1):
+    for count in range(min(WINDOWS, int(theta.size / abs(turns))), FEWEST_WINDOWS - 1, -1):
         at = np.minimum((theta % math.tau / math.tau * count).astype(int), count - 1)
         bins = [np.flatnonzero(at == k) for k in range(count)]
         if all(b.size for b in bins):
@@ -126,7 +126,7 @@ def _stretches(
     if not windows:
         return
     z = np.array([r[w].mean() * math.sqrt(w.size / whiteness) for w in windows])
-    sign, n = np.where(np.abs(z) > SURE, np.sign(z), 0), len(windows)
+    sign, n = np.where(np.abs(z) > WINDOW_SIGMAS, np.sign(z), 0), len(windows)
     around = not np.array_equal(np.concatenate(windows), np.arange(r.size))
     start = next((k for k in range(n) if sign[k] != sign[k - 1]), 0) if around else 0
     for _, group in groupby(range(start, start + n), lambda k: sign[k % n]):

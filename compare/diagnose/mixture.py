@@ -22,7 +22,7 @@ from scipy.special import ndtr
 TAIL = 0.025
 HALVINGS = 60  # of the interval in which a quantile lies: to rounding
 SLOWEST = 24  # parts of a run, in each of which what stays unexplained is about the same: a dozen waves
-SURE = 2.0  # standard deviations, beyond which a covariance is no chance
+CHANCE_SIGMAS = 2.0  # standard deviations, beyond which a covariance is no chance
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Discrepancy:
         near = np.concatenate(lags[1 : 1 + max(1, shortest // SLOWEST)])
         variance, next_ones = float(np.mean(lags[0])), float(np.mean(lags[1]))
         shared, white = float(np.mean(near)), variance / math.sqrt(near.size)
-        if next_ones > SURE * variance / math.sqrt(lags[1].size):
+        if next_ones > CHANCE_SIGMAS * variance / math.sqrt(lags[1].size):
             shared = max(shared, next_ones)
         alike = next((k for k, each in enumerate(lags) if k and float(np.mean(each)) < shared / 2), len(lags))
         shared = max(shared, 0.0)

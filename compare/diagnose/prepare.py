@@ -41,13 +41,13 @@ from compare.recorded.text import MIN_ROWS
 
 SAMPLES = 60_000  # of all sensors together; of more, evenly spaced ones are used
 FOLLOWS = 0.25  # rad, or of half of what an encoder reads, that the nominal mechanism may stray from it in a piece
-LEAST = 8  # samples of a piece
+FEWEST_SAMPLES = 8  # samples of a piece
 IMPULSES = 12  # to a piece, at least, by which errors of what pushes it are told
 UNTOLD = 0.3  # of an encoder's noise, that they may leave
 WITHIN = 0.2  # of n^1.5 steps: by so much (rms) white pushes of n samples, less their mean, move a crank
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
 SHORTEST = 1e-6  # m of travel, that a slide makes at least
-SURE = 4.0  # sigmas, by which a slide's speed must be known from none
+MOVING_SIGMAS = 4.0  # sigmas, by which a slide's speed must be known from none
 
 
 def thinned(measured: Measured) -> Measured:
@@ -111,7 +111,7 @@ def _in_pieces(measured: Measured, run: MeasuredRun) -> MeasuredRun:
     values = bridged(run.channels[encoder].values)
     allowed = FOLLOWS * min(1.0, float(np.ptp(values)) / 2)
     rig = Rig(measured.mechanism, (*run.channels,), names, ())
-    while 2 * run.pieces * LEAST <= run.time.size:
+    while 2 * run.pieces * FEWEST_SAMPLES <= run.time.size:
         alone = replace(measured, runs=(run,))
         said = Model(alone, rig, measured.mechanism, {})(
             [[(t, t.effect.values(rig, t.where, x, t.variant)) for t, x in starts(alone).items()]]
@@ -160,7 +160,8 @@ def _still(run: MeasuredRun, encoder: str, motor: Motor | Motors) -> np.ndarray:
     """
     smoother, moving = smoothed(run, encoder), motor.at(run.time)
     unsure = smoother.uncertainty(smoother.answers(run.time)[1], encoder_noise(run, encoder))
-    turning = np.abs(moving.omega) < SURE * unsure + np.abs(moving.alpha) * float(np.median(np.diff(run.time))) / 2
+    half_sample = float(np.median(np.diff(run.time))) / 2
+    turning = np.abs(moving.omega) < MOVING_SIGMAS * unsure + np.abs(moving.alpha) * half_sample
     return turning | turning_back(run, smoother) if run.channels[encoder].reach else turning
 
 

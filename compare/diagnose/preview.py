@@ -34,10 +34,10 @@ from compare.progress import progress_bar
 from compare.results.diagnosis import EffectPlace, RecordingFault
 from compare.results.preview import Preview, RunPreview, SensorPreview, Visible
 
-SIGMAS = 4.0  # of all samples together, by which an effect shows
+SHOWN_SIGMAS = 4.0  # of all samples together, by which an effect shows
 ALIKE = 0.1  # of an effect's signature, no more of which is left beside another's that looks the same
 ROUNDS = 4  # of the search for the size from which an effect shows
-NEARLY = 1.5  # times SIGMAS, by which it may show at that size
+NEARLY = 1.5  # times SHOWN_SIGMAS, by which it may show at that size
 OPPOSITE = 0.7  # correlation with minus the prediction from which a load cell seems upside down
 SAMPLES = 8_000  # of all sensors together, by which it is told what shows
 
@@ -197,7 +197,7 @@ def _like(one: Sensitivity, others: Sequence[Sensitivity], bases: Sequence[np.nd
 def _told(fitter: Fitter, start: Fit, one: Sensitivity, like: Sequence[Term]) -> Visible:
     t, rig = one.term, fitter.rig
     parameter, probe = t.effect.parameters[0], np.asarray(t.effect.probes(rig, t.where, t.variant)[0], float)
-    times = _shows(fitter, start, t, probe, SIGMAS / _size(one))
+    times = _shows(fitter, start, t, probe, SHOWN_SIGMAS / _size(one))
     sizes = [
         abs(t.effect.values(rig, t.where, more * times * probe, t.variant)[parameter.name]) if times else math.nan
         for more in (1.0, 2.0)
@@ -214,13 +214,13 @@ def _told(fitter: Fitter, start: Fit, one: Sensitivity, like: Sequence[Term]) ->
 
 
 def _shows(fitter: Fitter, start: Fit, term: Term, probe: np.ndarray, times: float) -> float | None:
-    """How many times a probe of an effect shows by SIGMAS, from a first guess; None if there is no such size."""
+    """How many times a probe of an effect shows by SHOWN_SIGMAS, from a first guess; None if there is no such size."""
     for _ in range(ROUNDS):
         residual = fitter.residuals([*start.terms, term], [[*start.x, times * probe]])[0]
         seen = 0.0 if residual is None else float(np.linalg.norm(residual - start.residual))
         if not seen:
             return None
-        if 1 / NEARLY < seen / SIGMAS < NEARLY:
+        if 1 / NEARLY < seen / SHOWN_SIGMAS < NEARLY:
             return times
-        times *= SIGMAS / seen
+        times *= SHOWN_SIGMAS / seen
     return None

@@ -20,8 +20,8 @@ from compare.diagnose.posterior.infer import Inference
 from compare.diagnose.predict import StartOfRun, Term, pieces
 from compare.diagnose.residuals import bridged
 
-NEAR = 2 * FORECAST  # rad: of a motion that is off by so much, the second order is about half of that
-LEAST = 4  # samples of a piece: twice as many as its start has unknowns
+LINEAR_WITHIN = 2 * FORECAST  # rad: of a motion that is off by so much, the second order is about half of that
+FEWEST_SAMPLES = 4  # samples of a piece: twice as many as its start has unknowns
 Starts = Mapping[Term, np.ndarray]
 
 
@@ -38,10 +38,10 @@ def in_pieces(fitter: Fitter, starts: Starts) -> Starts:
             continue
         moved, values = course(run, rig.encoder).at(run.time), bridged(run.channels[rig.encoder].values)
         term, x, count = whole, given, 1
-        while 2 * count * LEAST <= run.time.size:
+        while 2 * count * FEWEST_SAMPLES <= run.time.size:
             here = {t: v for t, v in starts.items() if t != whole} | {term: x}
             (said,) = fitter.model([[(t, t.effect.values(rig, t.where, v, t.variant)) for t, v in here.items()]])
-            if said is not None and np.abs(said[k][rig.encoder] - values).max() <= NEAR:
+            if said is not None and np.abs(said[k][rig.encoder] - values).max() <= LINEAR_WITHIN:
                 break
             count *= 2
             begin = [part.start for part in pieces(run.time.size, count)]

@@ -38,7 +38,7 @@ from compare.recorded.text import MIN_ROWS
 # genuine effect that happens to look like one would have to be what the slip makes of the readings to a fifth of it,
 # over all that a turn shows: of some ten independent numbers, once in 5^10, ten million.
 TELLING = 5.0
-SURE = 5.0  # sigmas: by chance once in two million times, of some hundred sensors and runs that are looked at
+FAULT_SIGMAS = 5.0  # sigmas: by chance once in two million times, of some hundred sensors and runs that are looked at
 UNLIKELY = math.log(1000)  # of a slip, log odds against it: there is one among some thousand columns
 STARTS = 36  # zeros over a turn, 10 degrees apart, that are tried: a linkage's signals have few waves a turn
 SCANNED = 60  # samples for that, of a turn at most: what turns too often takes long to follow
@@ -318,8 +318,8 @@ def _reads_nothing(channel: Channel, predicted: np.ndarray) -> bool:
         return False
     if not np.ptp(channel.values[here]):
         return True
-    alone = abs(read @ said) < SURE * np.linalg.norm(said) * np.std(read)
-    white = np.mean(np.diff(read) ** 2) / 2 > np.var(read) * (1 - SURE / math.sqrt(read.size))
+    alone = abs(read @ said) < FAULT_SIGMAS * np.linalg.norm(said) * np.std(read)
+    white = np.mean(np.diff(read) ** 2) / 2 > np.var(read) * (1 - FAULT_SIGMAS / math.sqrt(read.size))
     return bool(alone and white)
 
 
@@ -648,7 +648,7 @@ class _Rates:
         rate, angle = 0.0, 0.0
         here, columns = self.beside(rate, angle)
         before = _left(here, columns[:, 1:])
-        if before - _left(here, columns) < SURE**2:  # no rate would show
+        if before - _left(here, columns) < FAULT_SIGMAS**2:  # no rate would show
             return None
         for _ in range(STEPS):
             change = np.linalg.lstsq(columns, -here, rcond=None)[0]
@@ -656,7 +656,7 @@ class _Rates:
             here, columns = self.beside(rate, angle)
         after = _left(here, columns)
         spread, error = math.sqrt(after / here.size), _error(columns)
-        sure, clear = abs(rate) > SURE * error * max(spread, 1.0), before > TELLING**2 * max(after, here.size)
+        sure, clear = abs(rate) > FAULT_SIGMAS * error * max(spread, 1.0), before > TELLING**2 * max(after, here.size)
         if not (sure and clear and self._agreed(rate, here, columns)):
             return None
         return rate, error, math.sqrt(before / here.size), spread
@@ -677,7 +677,7 @@ class _Rates:
                 continue
             other = np.linalg.lstsq(own, -rest, rcond=None)[0]
             gap = rest + own @ other  # what the rig lacks is alike over samples
-            unsure = SURE * _error(own) * max(1.0, math.sqrt(np.mean(gap**2) * correlation_time(gap)))
+            unsure = FAULT_SIGMAS * _error(own) * max(1.0, math.sqrt(np.mean(gap**2) * correlation_time(gap)))
             if unsure < abs(rate):
                 telling = True
                 if abs(float(other[0])) > unsure:

@@ -13,7 +13,7 @@ from compare.quantities import shown
 from compare.report import accuracy_page
 from compare.report.accuracy_page import LEAST_SHOWN, output_rows, summary_html
 from compare.report.analysis import judged as of_limits
-from compare.report.curves import MOST, legend, partly
+from compare.report.curves import MOST_CURVES, legend, partly
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_outputs, yields
 from compare.report.words.accuracy import notes
@@ -60,7 +60,7 @@ def plot(result: Accuracy, figure: Figure) -> None:
         if np.nanmax(each.worst_case, initial=0) > LEAST_SHOWN
         or (name in varied and np.nanmax(varied[name].sd, initial=0) > LEAST_SHOWN)
     ]
-    outputs = {name: result.outputs[name] for name in (moving or list(result.outputs))[:MOST]}
+    outputs = {name: result.outputs[name] for name in (moving or list(result.outputs))[:MOST_CURVES]}
     axes = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
     figure.set_figheight(1.6 * len(outputs) + 1)
     for axis, (name, output) in zip(axes, outputs.items(), strict=True):
@@ -83,7 +83,7 @@ def plot(result: Accuracy, figure: Figure) -> None:
     legend(axes[0])
     figure.suptitle(result.case)
     axes[-1].set_xlabel("crank angle (deg)")
-    partly(figure, MOST, len(moving), "outputs")
+    partly(figure, MOST_CURVES, len(moving), "outputs")
 
 
 OUTPUTS = ("output", "unit", "equilibrium", "at", "worst case", "at", "sigma", "compliance", "total", "sensitive to")

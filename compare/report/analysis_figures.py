@@ -40,7 +40,7 @@ ASKED = {  # by unit the name and title of a figure
     "m/s^2": ("asked_acceleration", "Acceleration, by component"),
     "rad/s^2": ("asked_angular_acceleration", "Acceleration of angles"),
 }
-MOST = len(ROLES)  # curves of a figure
+MOST_CURVES = len(ROLES)  # curves of a figure
 Band = tuple[str, np.ndarray, np.ndarray]  # its name, lower and upper edge (N,)
 
 
@@ -67,7 +67,7 @@ def curves(
     x = over(result)
     series, marks, said = list[Series](), list[Series](), list[str]()
     for k, (label, values) in enumerate(lines.items()):
-        role = ROLES[k % MOST]
+        role = ROLES[k % MOST_CURVES]
         series.append(Series(label, *_closed(result, values), role))
         for end in _largest(values, x.values) if ends is None else ends.get(label, ()):
             marks.append(_labelled(end, label if len(lines) > 1 else "", x.unit, role))
@@ -112,7 +112,7 @@ def _in_sixes(
 ) -> Iterator[Figure]:
     """One figure of these curves, or several of six."""
     named = list(lines.items())
-    each = math.ceil(len(named) / max(math.ceil(len(named) / MOST), 1)) or 1
+    each = math.ceil(len(named) / max(math.ceil(len(named) / MOST_CURVES), 1)) or 1
     chunks = [named[k : k + each] for k in range(0, len(named), each)]
     for k, chunk in enumerate(chunks):
         part = f" ({k + 1} of {len(chunks)})" if len(chunks) > 1 else ""
@@ -206,7 +206,7 @@ def error_figures(
         loose = np.nanmax(worst, initial=0.0) > NOTHING
         if loose:
             parts = {f"by {joint} alone": factor * part for joint, part in parts_of(error).items()}
-            lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST else {})
+            lines = {"equilibrium": factor * error.equilibrium} | (parts if 1 < len(parts) < MOST_CURVES else {})
         lines |= {label: factor * values for label, values in (more or {}).get(name, {}).items()}
         if not lines:
             continue
@@ -276,9 +276,9 @@ def _positions(result: Analysis | Simulation) -> Iterator[Figure]:
     paths = []
     for k, body in enumerate(mechanism.bodies):
         x, y = (result.signals.get(f"{body.name}_{axis}") for axis in "xy")
-        if x is not None and y is not None and k < MOST:
+        if x is not None and y is not None and k < MOST_CURVES:
             path = _round(result, x + 1j * y)
-            paths.append(Series(body.name, scaled(path.real, 1e3), scaled(path.imag, 1e3), ROLES[k % MOST]))
+            paths.append(Series(body.name, scaled(path.real, 1e3), scaled(path.imag, 1e3), ROLES[k % MOST_CURVES]))
     if paths:
         title = "Paths of the centres of mass"
         yield Figure("paths", title, f"{title}.", Axis("x", "mm"), Axis("y", "mm"), tuple(paths), "plane")

@@ -12,7 +12,7 @@ import numpy as np
 
 from analytic.mechanism.signals import same_turn
 from compare.quantities import GAMMA, MINUS, Quantity, apart, drive_signals, number
-from compare.report.curves import MOST
+from compare.report.curves import MOST_CURVES
 from compare.report.figure import ALL, Axis, Figure, Mark, Numbers, Series, extreme, scaled
 from compare.report.summary import REAL, Summary
 from compare.results.crosscheck import CrossCheck, Run
@@ -129,7 +129,7 @@ def _span(values: Numbers, quantity: Quantity) -> str:
 
 def reaction_vectors(summary: Summary) -> Iterator[Figure]:
     """The force on the second body of each joint as a vector in the ground's frame: the engines over the analytic
-    curve, at most MOST curves; of several engines with the joint model that most of them have, the most real first.
+    curve, at most MOST_CURVES; of several engines with the joint model that most of them have, the most real first.
     """
     for joint in summary.result.mechanism.joints:
         names = [f"reaction_{joint.name}_{axis}" for axis in "xy"]
@@ -148,7 +148,7 @@ def reaction_vectors(summary: Summary) -> Iterator[Figure]:
                 lines.setdefault(name, Series(name, x, y, role, mark, ALL))
             x, y = (scaled(shown.run.simulated[axis]) for axis in names)
             marks.append(_simulated(summary, shown.run, x, y, "marker"))
-        series = (*lines.values(), *marks)[:MOST]
+        series = (*lines.values(), *marks)[:MOST_CURVES]
         if marks:
             title = f"Reaction at {joint.name} as a vector: on {joint.bodies[1]}"
             left, every = len(series) - len(lines), len(summary.runs)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST = 6  # curves of a plot, or plots of a figure
+MOST_CURVES = 6  # curves of a plot, or plots of a figure
 
 
 def curve(series: Series) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 
 HIGH, BELOW = 11.0, 3.0  # px, of letters over and under their base line
 APART, ROW = 3.0, 13.0  # px, between labels side by side, and from base line to base line
-NEAR = 40.0  # px: points whose labels stand one under the other in the order of the points
+STACKED_WITHIN = 40.0  # px: points whose labels stand one under the other in the order of the points
 STEP = 4.0  # px between looks along a curve
 
 
@@ -71,7 +71,7 @@ def placed(labels: Iterable[Label], area: Area, marks: np.ndarray, curves: np.nd
         for other in done:
             meets = (other.left < right + APART) & (left < other.left + other.wide + APART)
             cost = cost + 500.0 * (meets & (np.abs(base - other.base) < ROW))
-            near = meets | (abs(other.at.real - label.at.real) < NEAR)
+            near = meets | (abs(other.at.real - label.at.real) < STACKED_WITHIN)
             cost = cost + 60.0 * (near & (base <= other.base) & label.peak)
         for points, spare, each in ((marks, 5.0, 120.0), (curves, 1.0, 3.0)):
             x, y = points.real, points.imag

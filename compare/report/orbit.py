@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analytic.mechanism.one_line import count
-from compare.report.curves import MOST
+from compare.report.curves import MOST_CURVES
 from compare.results.crosscheck import Run
 from compare.results.document import Row
 
@@ -24,7 +24,7 @@ def plot(run: Run | Simulation, rows: Mapping[str, Sequence[Row]], figure: Figur
     """The path of each joint's pin in its clearance circle, of a block where its corners come to their walls; each row
     is a point in the colour of the force there.
     """
-    shown = list(rows)[:MOST]
+    shown = list(rows)[:MOST_CURVES]
     for axis, joint in zip(figure.subplots(1, len(shown), squeeze=False)[0], shown, strict=True):
         radius = 1e3 * run.clearance[joint]
         turn = np.linspace(0.0, 2 * np.pi, 121)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import DASH, fitting, plainly
-from compare.report.curves import MOST, partly
+from compare.report.curves import MOST_CURVES, partly
 from compare.report.diagnosis_terminal import in_ascii
 from compare.report.peaks import NOTHING
 from compare.report.tables import html_list, html_table, print_rows, say
@@ -68,8 +68,8 @@ def summary_html(result: Prediction) -> str:
 def plot(result: Prediction, figure: Figure) -> None:
     """The first six signals of the first run over time, and their bands."""
     signals = list(result.drawable)
-    plot_signals(result, figure, signals[:MOST])
-    partly(figure, MOST, len(signals), "signals")
+    plot_signals(result, figure, signals[:MOST_CURVES])
+    partly(figure, MOST_CURVES, len(signals), "signals")
 
 
 def plot_signals(result: Prediction, figure: Figure, signals: Sequence[str]) -> None:

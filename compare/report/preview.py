@@ -12,7 +12,7 @@ from rich.console import Console
 
 from compare.presentation import Presentation
 from compare.quantities import amount, number, quantities, shown
-from compare.report.curves import MOST, legend, partly
+from compare.report.curves import MOST_CURVES, legend, partly
 from compare.report.figure import Axis, Figure, Series, scaled
 from compare.report.pages import PageSection, charts, figures_context, glimpse, page
 from compare.report.svg import draw
@@ -126,7 +126,7 @@ def _posture(result: Preview, run: RunPreview) -> list[tuple[Axis, np.ndarray]]:
 def plot(result: Preview, figure: Picture) -> None:
     """The first six sensors of the first run over time, with the nominal model behind them."""
     run = result.runs[0]
-    sensors = list(run.signals.items())[:MOST]
+    sensors = list(run.signals.items())[:MOST_CURVES]
     figure.set_figheight(1.6 * len(sensors) + 1)
     axes = figure.subplots(len(sensors), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (name, sensor) in zip(axes, sensors, strict=True):
@@ -136,7 +136,7 @@ def plot(result: Preview, figure: Picture) -> None:
         axis.set_title(f"{spoken(result, name)} ({unit})", fontsize="medium", loc="left")
     legend(axes[0])
     axes[-1].set_xlabel("time (s)")
-    partly(figure, MOST, len(run.signals), "sensors")
+    partly(figure, MOST_CURVES, len(run.signals), "sensors")
     figure.suptitle(f"{result.case}, run {run.name}")
 
 

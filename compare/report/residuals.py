@@ -12,7 +12,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import amount, fitting, number
-from compare.report.curves import MOST, legend
+from compare.report.curves import MOST_CURVES, legend
 from compare.report.diagnosis_terminal import in_ascii
 from compare.report.tables import html_table, say
 from compare.results.diagnosis import DiagnosedRun
@@ -82,7 +82,7 @@ def plot(result: SignalResiduals, figure: Figure) -> None:
     """The residuals before and after of the first six runs, the noise shaded."""
     sizes = [size for run in result.runs for r in (run.before, run.after) if (size := r.largest) is not None]
     unit, factor = fitting(result.unit, *sizes)
-    runs = result.runs[:MOST]
+    runs = result.runs[:MOST_CURVES]
     figure.set_figheight(max(5.0, 2.0 * len(runs) + 1))
     for axis, run in zip(figure.subplots(len(runs), 1, squeeze=False)[:, 0], runs, strict=True):
         draw(axis, run, factor * run.before.values, factor * run.after.values, factor * run.noise)

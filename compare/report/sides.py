@@ -11,7 +11,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, quantities
-from compare.report.curves import MOST, legend, with_peak
+from compare.report.curves import MOST_CURVES, legend, with_peak
 from compare.report.peaks import over, peak, peaks, unanswered
 from compare.report.tables import html_list, html_table, print_rows, say
 from compare.report.words.limits import limits
@@ -69,7 +69,7 @@ def plot(result: OneSide, figure: Figure) -> None:
     reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
     chosen: list[str] = []
     for names in (sorted(reactions, key=lambda name: found.get(name, 0.0)), drive_signals(result.mechanism)):
-        chosen += [name for name in names if name in found][:MOST]
+        chosen += [name for name in names if name in found][:MOST_CURVES]
     plot_signals(result, figure, chosen)
 
 

@@ -16,7 +16,7 @@ from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import DASH, plain, shown
-from compare.report.analysis_figures import MOST, ROLES
+from compare.report.analysis_figures import MOST_CURVES, ROLES
 from compare.report.figure import Axis, Series, scaled
 from compare.report.figure import Figure as Drawing
 from compare.report.pages import PageSection, charts, figures_context, page, warnings_context
@@ -200,7 +200,7 @@ def panels(result: Sweep) -> Iterator[Panel]:
     for (group, si), ordered in kinds(result).items():
         unit, factor = ("", 1.0) if group == "share" else shown(si)
         if len(result.fields) == 1:
-            curves = {result.columns[name].label: _curve(result, name, factor, {}) for name in ordered[:MOST]}
+            curves = {result.columns[name].label: _curve(result, name, factor, {}) for name in ordered[:MOST_CURVES]}
             yield Panel(TITLES[group], unit, curves)
             continue
         others = {tuple(p.at[f.name] for f in result.fields[1:]): p for p in result.points}
@@ -212,7 +212,7 @@ def panels(result: Sweep) -> Iterator[Panel]:
 
 def _spaced(combinations: list[dict[str, int]]) -> list[dict[str, int]]:
     """At most six, evenly chosen, the first and the last among them."""
-    chosen = np.unique(np.linspace(0, len(combinations) - 1, min(MOST, len(combinations))).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(combinations) - 1, min(MOST_CURVES, len(combinations))).round().astype(int))
     return [combinations[k] for k in chosen]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from compare.presentation import Presentation
-from compare.report.curves import MOST, legend
+from compare.report.curves import MOST_CURVES, legend
 from compare.report.tables import html_table
 from compare.report.validity_figure import draw
 from compare.report.validity_text import markdown, print_table
@@ -47,7 +47,7 @@ def plot(result: Validity, figure: Figure) -> None:
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     for axis, panel in zip(axes, panels, strict=True):
         of_panel = result.of(*panel)
-        for gap in result.clearances[:MOST]:
+        for gap in result.clearances[:MOST_CURVES]:
             cells = [of_panel[speed, gap] for speed in result.speeds]
             share = [100 * cell.agreeing_share if isinstance(cell, Cell) else np.nan for cell in cells]
             axis.plot([speed * 30 / np.pi for speed in result.speeds], share, "o-", label=f"{millimetres(gap)} mm")

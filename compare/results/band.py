@@ -11,7 +11,7 @@ from compare.results.document import Number, Part, Series, Share
 
 SdFrom = Literal["parameters", "sets", "engines", "discrepancy"]
 Sd = Annotated[FiniteFloat, Field(ge=0)]
-FAR = 10.0  # times a speed: from there on other things matter than those that the data show
+TRUSTED_SPEEDS = 10.0  # times a speed: from there on other things matter than those that the data show
 
 
 class Band(Part):
@@ -95,4 +95,4 @@ class Context(Part):
 
 def is_far(speed: float, speeds: Sequence[float]) -> bool:
     """Whether a speed (rad/s) is so far from those of the data that these say nothing there."""
-    return bool(speeds) and abs(speed) > max(speeds) * FAR
+    return bool(speeds) and abs(speed) > max(speeds) * TRUSTED_SPEEDS

@@ -175,7 +175,7 @@ def cases() -> str:
 
 DECISIONS = (
     ("Probability, before any data, that nothing is missing", "posterior.prior.NOTHING"),
-    ("Effects of the rig in a set, at most", "posterior.prior.MOST"),
+    ("Effects of the rig in a set, at most", "posterior.prior.MOST_EFFECTS"),
     ("Share of rigs on which something is at work that has no name", "posterior.prior.NAMELESS"),
     ("How usual a value per run is beside one value, of a fault of a sensor", "posterior.prior.EACH_RUN"),
     ("The same of an effect of the rig", "posterior.prior.REPEATS"),
@@ -185,15 +185,18 @@ DECISIONS = (
     ("Probability from which on something may be in its place", "verdict.TIED"),
     ("Probability of a set from which on its intervals count", "posterior.prior.CREDIBLE"),
     ("Runs from which on whole runs are left out", "left_out.RUNS"),
-    ("Angle (rad) that the nominal mechanism may be off at the end of a piece of a released run", "released.NEAR"),
-    ("Samples of such a piece, at least", "released.LEAST"),
+    (
+        "Angle (rad) that the nominal mechanism may be off at the end of a piece of a released run",
+        "released.LINEAR_WITHIN",
+    ),
+    ("Samples of such a piece, at least", "released.FEWEST_SAMPLES"),
     ("Gap, in noise floors, below which the noise is overstated and nothing is named", "problem.OVERSTATED"),
     ("Gain of twice the log likelihood from which on noise has a colour", "colour.GAINED"),
     ("Chi-squared that the mains' hum must bring in a sensor", "colour.HUM"),
     ("Standard deviations of correlation between two sensors from which on it is no noise", "colour.ALIKE"),
     ("Standard deviations by which a proposed run must part two explanations", "experiment_design.ENOUGH"),
     ("Gap, in noise floors, up to which it counts as closed", "noise.CLOSED"),
-    ("Standard deviations of a stretch that is listed", "locate.SURE"),
+    ("Standard deviations of a stretch that is listed", "locate.WINDOW_SIGMAS"),
     ("Segments of a run", "residuals.SEGMENTS"),
     ("Folds that share the segments", "residuals.FOLDS"),
 )

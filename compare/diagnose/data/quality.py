@@ -25,7 +25,7 @@ JUDGED = 12  # samples, at least, among which a spike is told
 GAP = 5.0  # median intervals
 HELD = 0.5  # of a signal's steps from sample to sample that are none, at least, where it is held and jumps
 ALONE = 0.9  # of its jumps, at least, before and after which it is held
-FEW = 3  # levels: what has no more is switched, as no converter is that coarse
+SWITCHED_LEVELS = 3  # levels: what has no more is switched, as no converter is that coarse
 LEAPS = 1.5  # times the step of its numbers that it mostly jumps by, else it may climb a converter's stairs
 SHOWN = 0.1  # of a sensor's noise, by which rounded stamps may move it unsaid: it makes half a percent of the noise
 
@@ -65,7 +65,8 @@ def switched(values: np.ndarray) -> float:
     edge = np.pad(jumps, 1)
     alone = jumps & ~edge[:-2] & ~edge[2:]
     leaps = float(np.median(np.abs(steps[jumps]))) > LEAPS * quantum(values)
-    if alone.sum() < ALONE * jumps.sum() or not (leaps or np.unique(values[np.isfinite(values)]).size <= FEW):
+    few = np.unique(values[np.isfinite(values)]).size <= SWITCHED_LEVELS
+    if alone.sum() < ALONE * jumps.sum() or not (leaps or few):
         return 0.0
     return math.sqrt(float(np.mean(steps**2)) / 12)
 

@@ -28,7 +28,7 @@ SPEEDS = (0.5, 1.0, 2.0)  # times the drive's own, where no speeds are given
 LONGEST = 1000.0  # turns of the crank in a run
 MOST_SPEEDS = 20  # of a plan
 A_TURN = 180  # samples of a turn of the crank, where no rate is given
-LEAST = 12  # samples of a run
+FEWEST_SAMPLES = 12  # samples of a run
 LISTED = 8  # signals that a message names
 Quantity = float | str
 Positive = Annotated[float, Field(gt=0)]
@@ -73,7 +73,7 @@ class RigTable(_Part):
     reverse: bool = True
     turns: Annotated[float, Field(gt=0, le=LONGEST)] = 2.0
     rate: Quantity | None = None
-    samples: Annotated[int, Field(ge=LEAST, le=10**7)] | None = None
+    samples: Annotated[int, Field(ge=FEWEST_SAMPLES, le=10**7)] | None = None
     run_price: Positive = 1.0
     budget: Positive | None = None
     as_drawn: bool = True

@@ -18,7 +18,7 @@ from compare.diagnose.effects.each_run import in_each_run, repeats
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.diagnose.fit import Fitter
-from compare.diagnose.plan.bench import A_TURN, LEAST, Bench, Loading
+from compare.diagnose.plan.bench import A_TURN, FEWEST_SAMPLES, Bench, Loading
 from compare.diagnose.posterior.prior import SLIGHT, Prior
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.problem import silent
@@ -28,7 +28,7 @@ from compare.faults import ArgumentError, OptionError
 from compare.progress import Progress
 
 DENSE = 60  # samples of a turn, and
-MOST = 239  # of a run, that stand for all of it; a prime number, with which no harmonic of the crank repeats itself
+MOST_SAMPLES = 239  # of a run, that stand for all of it; a prime number, with which no harmonic of the crank repeats
 RUNS = 60  # that a plan chooses from, at most
 
 
@@ -168,12 +168,12 @@ def _runs(bench: Bench) -> tuple[CandidateRun, ...]:
                 duration = (high - low) / speed
                 rate = bench.rate or A_TURN * speed / (2 * math.pi)
                 samples = bench.samples or int(duration * rate + 1e-9) + 1
-                if samples < LEAST:
+                if samples < FEWEST_SAMPLES:
                     raise OptionError(
                         f"a run at {speed:g} rad/s takes {duration:.3g} s, and rate = {rate:g} makes {samples} samples"
-                        f" of it; give {LEAST} or more: a higher rate, or more turns",
+                        f" of it; give {FEWEST_SAMPLES} or more: a higher rate, or more turns",
                     )
-                few = min(samples, MOST, max(LEAST, math.ceil(DENSE * (high - low) / (2 * math.pi))))
+                few = min(samples, MOST_SAMPLES, max(FEWEST_SAMPLES, math.ceil(DENSE * (high - low) / (2 * math.pi))))
                 name = "-".join(filter(None, [_pace(speed), "reverse" if way < 0 else "", loading.name]))
                 angle = start if around else low if way > 0 else high
                 run = MeasuredRun(

@@ -20,7 +20,7 @@ EXPECTED = {
     True: 1.5,
     False: 1.0,
 }  # faults of sensors, effects of the rig: zeros and gains are off more often than links
-MOST = 6  # effects of the rig at once: of one that is expected, seven or more are there once in 10,000 times
+MOST_EFFECTS = 6  # effects of the rig at once: of one that is expected, seven or more are there once in 10,000 times
 NAMELESS = 0.1  # unknowns at a place: on one rig of ten something is at work that no effect describes
 NOTHING = 0.5  # probability that the model is right, and nothing is missing
 EACH_RUN = 0.3  # of a sensor's faults of one value, that one of several, one a run, is as likely as

@@ -19,13 +19,13 @@ from scipy.special import log_ndtr
 
 from compare.diagnose.effects.each_run import repeats
 from compare.diagnose.posterior.compress import Group, Products
-from compare.diagnose.posterior.prior import MOST, WIDTHS, Prior
+from compare.diagnose.posterior.prior import MOST_EFFECTS, WIDTHS, Prior
 
 MIDDLE = 5  # of the widths, from which their mode is sought
 SETTLE = 4  # rounds of widths
 WORTH = 12.0  # log: sets that are less probable than the best by more are not kept
 LOOKED_AT = 8.0  # the same, of sets whose evidence is taken in full
-NEAR = 6.0  # the same, of sets about whose neighbours are looked for
+NEIGHBOURS_OF = 6.0  # the same, of sets about whose neighbours are looked for
 ABOUT = 12  # of them at most
 EXACTLY = 1e-13
 Set = tuple[int, ...]
@@ -183,7 +183,7 @@ class Sets:
     def _barred(self, chosen: Set) -> np.ndarray:
         """Which groups (groups,) cannot be added to a set."""
         barred = np.isin(self._families, self._families[list(chosen)])
-        if self._of_rig[list(chosen)].sum() >= MOST:
+        if self._of_rig[list(chosen)].sum() >= MOST_EFFECTS:
             barred |= self._of_rig
         # a law without a name shows in runs at several speeds as values that differ: a set has one of both
         if self._nameless[list(chosen)].any():
@@ -253,7 +253,7 @@ class Sets:
             log, chosen = heapq.heappop(heap)
             if chosen in done:
                 continue
-            if -log < self.top - NEAR:
+            if -log < self.top - NEIGHBOURS_OF:
                 break
             done.add(chosen)
             for each, other in self.neighbours(chosen, 3, 6):

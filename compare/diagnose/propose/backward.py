@@ -26,7 +26,7 @@ from compare.diagnose.data.recording import Channel, Measured, MeasuredRun
 from compare.diagnose.predict import Hypothesis, Impossible, Model
 from compare.diagnose.residuals import Data
 
-FAR = 3.0  # times the median error of a run: beyond, as at its ends, the motion is hardly known
+KNOWN_WITHIN = 3.0  # times the median error of a run: beyond, as at its ends, the motion is hardly known
 
 
 class Backward:
@@ -128,7 +128,7 @@ def _as_read(
     found = {}
     for name, channel in read.items():
         typical = float(np.median(errors[name]))
-        values = np.where(unknown | (errors[name] > FAR * typical), np.nan, channel.values)
+        values = np.where(unknown | (errors[name] > KNOWN_WITHIN * typical), np.nan, channel.values)
         off = (values - nominal[name])[np.isfinite(values)]
         own = noise(run.time[np.isfinite(values)], off) if name != DRIVE_TORQUE and off.size > 1 else 0.0
         found[name] = replace(channel, values=values, noise=max(math.hypot(own, typical), 1e-300))

@@ -7,6 +7,7 @@ from string import ascii_lowercase
 
 import numpy as np
 
+from compare.diagnose.intervals import NORMAL_95
 from compare.diagnose.propose.laws import Argument, Candidate
 from compare.diagnose.propose.parting import would_separate
 from compare.diagnose.propose.places import RELATIVES, recovered
@@ -90,7 +91,7 @@ def _coefficients(p: Proposal) -> dict[str, Estimate]:
     if not values:
         return {}
     _, covariance = solved(root * np.column_stack(columns), np.zeros(p.weights.size))
-    half = 1.96 * np.sqrt(np.diag(covariance))[p.regression.free.shape[1] :]
+    half = NORMAL_95 * np.sqrt(np.diag(covariance))[p.regression.free.shape[1] :]
     return {
         letter: Estimate(value=value, unit=unit, low=value - h, high=value + h)
         for letter, value, unit, h in zip(ascii_lowercase, values, units(p), half.tolist(), strict=False)

@@ -10,7 +10,7 @@ from compare.diagnose.propose.places import EFFECTS
 from compare.diagnose.propose.proposal import Proposal
 from compare.quantities import amount, quantities
 
-LEAST = 1e-3  # of a signal's range: a smaller difference (rms) is not worth a sensor
+LEAST_DIFFERENCE = 1e-3  # of a signal's range: a smaller difference (rms) is not worth a sensor
 
 
 def would_separate(one: Proposal, other: Proposal) -> str:
@@ -19,7 +19,7 @@ def would_separate(one: Proposal, other: Proposal) -> str:
     run = max(scene.data.measured.runs, key=lambda r: r.time.size)
     first, second = (_changes(p, run.name) for p in (one, other))
     words = quantities(scene.rig.mechanism)
-    best, said = LEAST, ""
+    best, said = LEAST_DIFFERENCE, ""
     for signal, values in scene.signals[run.name].items():
         known = scene.rig.known[signal]
         directed = known.kind == "reaction" and known.wraps  # of a force, which no sensor reads

@@ -14,13 +14,13 @@ from compare.diagnose.noise import sample_weights
 from compare.diagnose.predict import Model, Term
 from compare.diagnose.propose.laws import candidates
 from compare.diagnose.propose.places import RELATIVES, Place, Recovered, recovered
-from compare.diagnose.propose.regression import MOST, Regression, Told
+from compare.diagnose.propose.regression import MOST_LAWS, Regression, Told
 from compare.diagnose.propose.scene import Scene
 from compare.results.diagnosis import Unknown
 
 LOOKED = 8  # places whose laws are sought
-TIE = 16.0  # of weighted chi^2: two places that are closer are not told apart
-LEAST = 0.1  # of what is left of the squared gap beyond the noise: a smaller share is not proposed
+PLACES_ALIKE = 16.0  # of weighted chi^2: two places that are closer are not told apart
+LEAST_SHARE = 0.1  # of what is left of the squared gap beyond the noise: a smaller share is not proposed
 FREELY = 2.0  # of chi^2, that each number costs of an unknown without a law (Akaike)
 NOISIER = 1.5  # times what an unknown leaves: laws that leave more do not say how noisy the data are
 EQUAL = 2.0  # of weighted chi^2: two places that are closer are the same to these data
@@ -108,12 +108,12 @@ def proposal(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
     inside = tuple(t for t in named if t.where == beside.place.where and t.effect.name in kin)
     rig = tuple(t for t in named if not t.effect.sensor)
     found = [_beside(model, fitter, fit, out) for out in dict.fromkeys([rig, named]) if out and out != inside]
-    whole = _beside(model, fitter, fit, inside, MOST + len(inside)) if inside else None
+    whole = _beside(model, fitter, fit, inside, MOST_LAWS + len(inside)) if inside else None
     tried = [p for p in (beside, whole, *found) if p is not None]
     nearest = max(min(min(p.left, p.found.chi2) for p in tried) / fitter.data.size, 1.0)
     for best in sorted(tried, key=lambda p: (p.dear(nearest), -len(p.replaced))):
         share = best.share_of(beside)  # little, where a law that tells a part stands in place of what tells more
-        if share > LEAST:
+        if share > LEAST_SHARE:
             return replace(_likelier(best), share=share)
     return None
 
@@ -128,7 +128,7 @@ def simpler(model: Model, fitter: Fitter, fit: Fit) -> Proposal | None:
     return _likelier(found) if found.price + found.left < worth else None
 
 
-def _beside(model: Model, fitter: Fitter, fit: Fit, out: tuple[Term, ...], most: int = MOST) -> Proposal | None:
+def _beside(model: Model, fitter: Fitter, fit: Fit, out: tuple[Term, ...], most: int = MOST_LAWS) -> Proposal | None:
     """The best place beside a fit without some of what is named, told by so many laws at most."""
     rest = {t: x for t, x in zip(fit.terms, fit.x, strict=True) if t not in out}
     kept = fitter.at(list(rest), rest) if out else fit
@@ -141,7 +141,7 @@ def _likelier(found: Proposal) -> Proposal:
     """The same with the likelier place first, where two do as well: rather the linkage than a sensor that errs with its
     motion, rather a crank behind its encoder than one that is bent.
     """
-    rivals = [p for p in found.ties if p.cost < found.cost + (TIE if found.blames_a_sensor else EQUAL)]
+    rivals = [p for p in found.ties if p.cost < found.cost + (PLACES_ALIKE if found.blames_a_sensor else EQUAL)]
     better = [p for p in rivals if p.rank < found.rank and not p.blames_a_sensor]
     if not better:
         return found
@@ -166,7 +166,7 @@ def _best(scene: Scene, where: Sequence[Place], most: int) -> Proposal | None:
     told = closest.chi2 <= NOISIER * nearest * data.size
     weights = sample_weights(data, closest.left) if told else np.full(data.size, 1 / nearest)
     best, *others = sorted((_judged(scene, *each, weights, nearest) for each in tried), key=lambda p: p.cost)
-    return replace(best, ties=tuple(p for p in others if p.cost < best.cost + TIE))
+    return replace(best, ties=tuple(p for p in others if p.cost < best.cost + PLACES_ALIKE))
 
 
 def _judged(

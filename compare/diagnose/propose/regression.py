@@ -17,7 +17,7 @@ from compare.diagnose.propose.laws import Candidate, State
 from compare.diagnose.propose.places import Place
 from compare.diagnose.residuals import Data
 
-MOST = 3  # laws together
+MOST_LAWS = 3  # laws together
 REFINED = 4  # laws, of those that gain most, that are fitted with their shapes
 HELD_OUT = 9.0  # of chi^2, that each must bring on data left out
 FURTHER = 0.25  # of what those before it leave beyond the noise there, that each but the first must bring
@@ -59,7 +59,7 @@ class Regression:
     free: np.ndarray
     folds: Sequence[np.ndarray]
 
-    def best(self, candidates: Iterable[Candidate], most: int = MOST) -> Told:
+    def best(self, candidates: Iterable[Candidate], most: int = MOST_LAWS) -> Told:
         """The laws, no more than so many, that tell the residual for the least; none where nothing does."""
         known = _Known.of({c: self.columns(c) for c in candidates}, self.residual.size)
         count = len({c.law.name for c in known.candidates})

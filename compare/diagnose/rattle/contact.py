@@ -13,13 +13,12 @@ from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.joints import ContactLaw, JointClearance
-from compare.diagnose.intervals import Interval
+from compare.diagnose.intervals import NORMAL_95, Interval
 from compare.diagnose.predict import Term
 from compare.diagnose.rattle.law import LawSearch, Room, Simulate, Trial
 from compare.diagnose.rattle.statistics import Key, Statistics
 from sim_models.engine import ENGINES, Unsupported, declared, engine
 
-SIGMAS = 1.96  # of a 95 % interval
 SILENT = (
     "A contact law is asked for, and these data do not tell it: they do not show that a pin leaves its bearing, which"
     " throws several sensors off at the same instants, in each revolution otherwise. Record faster or less loaded runs"
@@ -115,7 +114,7 @@ class Found:
         """The law with its 95 % intervals; where an end leaves what was tried, the interval is open, or goes as far as
         is physical.
         """
-        room, best, wide = self.search.room, self.search.answer.x, SIGMAS * self.search.scatter()
+        room, best, wide = self.search.room, self.search.answer.x, NORMAL_95 * self.search.scatter()
         law, low, high = (room.at(x)[0] for x in (best, room.within(best - wide), room.within(best + wide)))
         under, over = best - wide < room.low, best + wide > room.high
         return {
@@ -130,7 +129,7 @@ class Found:
 
     def untold(self) -> list[str]:
         """Parameters of which the data say nothing: either end of their interval leaves what was tried."""
-        room, best, wide = self.search.room, self.search.answer.x, SIGMAS * self.search.scatter()
+        room, best, wide = self.search.room, self.search.answer.x, NORMAL_95 * self.search.scatter()
         out = (best - wide <= room.low) & (best + wide >= room.high)
         return [name for name, k in (("restitution", 0), ("stiffness", 2), ("friction", 1)) if out[k]]
 

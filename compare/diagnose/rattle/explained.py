@@ -16,11 +16,11 @@ from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.engines import Engines
 from compare.diagnose.explanation import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit
-from compare.diagnose.intervals import Interval
+from compare.diagnose.intervals import NORMAL_95, Interval
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.problem import Problem
 from compare.diagnose.rattle.contact import SILENT, Found, asked
-from compare.diagnose.rattle.law import Law, Simulate, jackknifed
+from compare.diagnose.rattle.law import TRIALS_ALIKE, TRIALS_APART, Law, Simulate, jackknifed
 from compare.diagnose.rattle.statistics import ALIKE, Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, Turns, rattles
@@ -30,14 +30,12 @@ from sim_models.engine import engine
 
 PAYS = 0.25  # of the logarithm of the distance, that clearance must take away to be named
 SEEN = 0.3  # of it: positions, or forces, that are farther from the nominal rig's than that must come nearer
-TIE = 0.1  # of it: joints that close are not told apart
-SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
 NOWHERE = "A contact law is asked for, and no joint's clearance does as the rig does: none was looked for."
 LAW = 0.05  # of a clearance: what contact laws other than the engine's may make of it, one standard deviation
 LITTLE = 1e-3  # of the shortest link: a clearance to first order
 BOUNCES = (0.6, 0.85)  # restitutions that are tried beside that of the usual damping, 0.3
 RUBS = 0.1  # coefficient of friction that is tried beside none, where the law of contact is asked for
-MOST = 0.06  # of the shortest link: no clearance is tried beyond
+LARGEST_CLEARANCE = 0.06  # of the shortest link: no clearance is tried beyond
 
 
 @dataclass(frozen=True)
@@ -226,7 +224,7 @@ def sizes(problem: Problem, statistics: Statistics, terms: Sequence[Term]) -> di
             for run, s in keys
             if run == name
         }
-        found[term] = little * min(max(wanted(medians, change, sigma), 1e-2), MOST / LITTLE)
+        found[term] = little * min(max(wanted(medians, change, sigma), 1e-2), LARGEST_CLEARANCE / LITTLE)
     return found
 
 
@@ -253,7 +251,7 @@ class _Judged:
 
         def largest(term: Term) -> float:
             room = problem.fitter.bounds(term)[1][0] - _natural(problem, term, 0.0)[0]
-            return float(min(MOST * _shortest(problem), room))
+            return float(min(LARGEST_CLEARANCE * _shortest(problem), room))
 
         bench = Bench(problem, statistics.turns)
         trials = Trials(statistics, bench, _shortest(problem), largest, problem.options.late, bouncing(problem))
@@ -289,7 +287,7 @@ class _Judged:
         found = []
         for trials in self.trials[1:]:
             behind = [trials[0].misfit(None, g) - self.best.misfit(None, g) for g in range(len(self.best.apart))]
-            if behind[0] < max(TIE, SURE * jackknifed(behind[1:])):
+            if behind[0] < max(TRIALS_ALIKE, TRIALS_APART * jackknifed(behind[1:])):
                 found.append(trials)
         return found
 
@@ -306,7 +304,7 @@ class _Judged:
         """That clearance with its 95 % interval: by what leaving revolutions out changes, and by the contact law."""
         value = self.size(trials)
         groups = [math.log(self.size(trials, None, 1 + g)) for g in range(self.statistics.groups)]
-        wide = math.exp(1.96 * math.hypot(jackknifed(groups), LAW))
+        wide = math.exp(NORMAL_95 * math.hypot(jackknifed(groups), LAW))
         return Interval(value, value / wide, value * wide, "m")
 
     def held_out(self, trials: Sequence[Tried]) -> tuple[float, float]:

@@ -23,14 +23,14 @@ SPREAD = 22  # laws that are tried all over the room
 AGAIN = (8, 8)  # more of them about the best ones
 ELITE = 5  # trials that count as best ones
 WIDER = 1.4  # times as far as these are apart: new ones
-LEAST = (0.03, 0.04, 0.05, 0.03)  # of the coordinates, that these are drawn apart at least
+LEAST_APART = (0.03, 0.04, 0.05, 0.03)  # of the coordinates, that these are drawn apart at least
 WIDTHS = (0.3, 0.15, 0.07)  # of the coordinates: from how far trials enter linear models, and steps may go
 ROUNDS = 10  # of these steps
 GAIN = 0.015  # of the logarithm of the distance, that such a round must bring for another
 SIDE = 0.06  # of each coordinate, to either side of the best trial: the last ones, for intervals
 MIDDLE = 0.1  # of the coordinates: from how far trials tell on average where the statistics are nearest
-TIE = 0.1  # of the logarithm of the distance: trials that close are not told apart
-SURE = 2.0  # standard deviations, over groups of revolutions, by which they may be
+TRIALS_ALIKE = 0.1  # of the logarithm of the distance: trials that close, or joints, are not told apart
+TRIALS_APART = 2.0  # standard deviations, over groups of revolutions, by which they may be
 TOLD, UNTOLD = 0.4, 0.7  # of a coordinate's answer: what trials that scatter may make of it, and what is all
 RELUCTANT = 1e-2  # of all that they are off: where they answer less to a coordinate, it is left where it is
 TINY = 0.05  # of what a sensor is off on average: less weighs no more
@@ -181,7 +181,8 @@ class LawSearch:
         if middle is None:
             return best
         groups = [middle.misfit(None, 1 + g) - best.misfit(None, 1 + g) for g in range(self.statistics.groups)]
-        return middle if middle.misfit() - best.misfit() < max(TIE, SURE * jackknifed(groups)) else best
+        alike = middle.misfit() - best.misfit() < max(TRIALS_ALIKE, TRIALS_APART * jackknifed(groups))
+        return middle if alike else best
 
     def searched(self) -> bool:
         """Look for it; False where the engine has no answer to any."""
@@ -221,7 +222,7 @@ class LawSearch:
         x = np.array([each.x for each in best])
         middle = weight @ x
         away = x - middle
-        spread = (away.T * weight) @ away * WIDER**2 + np.diag(np.square(LEAST))
+        spread = (away.T * weight) @ away * WIDER**2 + np.diag(np.square(LEAST_APART))
         return [middle + step for step in rng.multivariate_normal(np.zeros(4), spread, count)]
 
     def nearer(self) -> None:

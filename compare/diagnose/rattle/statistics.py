@@ -18,7 +18,7 @@ GROUPS = 8  # of revolutions, at most, that are left out in turn
 SEED = 1  # of the noise that is added to simulated readings
 DEEP = 5.0  # of the noise: forces up to that are told apart as they are, larger ones by their ratio
 PEAK = 3.0 / 0.6745  # of the median: what stands out like that is a peak
-LEAST = 0.02  # of a logarithm: how far what is told of blows is apart at least
+LEAST_SPREAD = 0.02  # of a logarithm: how far what is told of blows is apart at least
 ALIKE = 1.6  # times how far two recordings of one rig are apart: statistics that are explained
 
 Key = tuple[str, str]  # run and signal
@@ -59,7 +59,7 @@ class Statistics:
         floor = {}
         for key in odd:
             sizes = [float(np.mean(np.abs(part))) / math.sqrt(2) for part in self._parts(key, odd[key], even[key])]
-            floor[key] = [max(size, least) for size, least in zip(sizes, (1e-12, LEAST), strict=False)]
+            floor[key] = [max(size, least) for size, least in zip(sizes, (1e-12, LEAST_SPREAD), strict=False)]
         object.__setattr__(self, "floor", floor)
 
     def _half(self, rest: int) -> dict[str, list[int]]:

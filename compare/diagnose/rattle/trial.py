@@ -14,7 +14,7 @@ from compare.diagnose.rattle.statistics import Key, Readings, Statistics
 FIRST = 2  # revolutions of each run, in which all joints are tried
 AROUND = (0.75, 1.2)  # times the size that mean positions want, tried first
 COARSE = (2e-4, 8e-4, 3.2e-3, 1.3e-2)  # of the shortest link: sizes tried first where no position is measured
-NEAR = 0.3  # of the logarithm of the distance: joints that far from the best are looked at no more
+WORTH_A_LOOK = 0.3  # of the logarithm of the distance: joints that far from the best are looked at no more
 CLOSER = (0.8, 1.0, 1.25)  # times the best size so far, tried with all revolutions where no position is measured
 THERE = 0.04  # of the logarithm of a size: no trial is made nearer to the last
 AGAIN = 4  # trials on the way there, at most
@@ -98,11 +98,11 @@ class Trials:
         nearest = min((each.misfit() for each in best.values()), default=math.inf)
         if nearest > nominal:
             return []
-        near = sorted((each for each in best.values() if each.misfit() < nearest + NEAR), key=Tried.misfit)
+        near = sorted((each for each in best.values() if each.misfit() < nearest + WORTH_A_LOOK), key=Tried.misfit)
         found: list[list[Tried]] = []
         for each in near:
             closest = min((tried[0].misfit() for tried in found), default=math.inf)
-            tried = self.closer(each, closest + NEAR)
+            tried = self.closer(each, closest + WORTH_A_LOOK)
             found += [tried] if tried else []
         found.sort(key=lambda tried: tried[0].misfit())
         return self.bounced(found) if found else []
