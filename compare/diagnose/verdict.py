@@ -31,7 +31,7 @@ from compare.diagnose.posterior.infer import Posterior, Weighed
 from compare.diagnose.posterior.prior import CREDIBLE
 from compare.diagnose.predict import Term
 
-TIED = 0.01  # probability from which on something may be in an effect's place
+TIED = 0.01  # probability from which on something may be in an effect's place: of a hundred names one may be wrong
 NAMED_FROM = 5 / 6  # probability, with what may be in its place: a false name costs as much as five missed ones
 IMPROBABLE = ""  # no test failed: the effect is not probable enough
 TOLD = 6  # effects that are not named, of which it is told how probable they are

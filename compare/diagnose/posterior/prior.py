@@ -84,7 +84,7 @@ OTHERWISE = 300.0  # of an engineer's own effect
 # of natural size, that an effect may be: an error is small oftener; a rig may carry far more than its model says
 WIDTHS = np.array([1000, 100, 10, 3, 1, 0.3, 0.1, 0.03, 0.01])
 WIDTH_ODDS = np.log([0.002, 0.008, 0.03, 0.07, 0.2, 0.25, 0.24, 0.15, 0.05])
-CREDIBLE = 0.05  # probability from which on something may be in an effect's place
+CREDIBLE = 0.05  # probability of a set from which on its intervals count, and what a plan has to part
 WORKMANSHIP = np.array([0.0, 0.03, 0.1, 0.3, 1.0])  # of what careful work leaves: the size of errors everywhere
 WORKMANSHIP_ODDS = np.log([0.5, 0.1, 0.15, 0.15, 0.1])
 
