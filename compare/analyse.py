@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import ceil, degrees, radians, tau
 from typing import Any
 
@@ -302,10 +303,31 @@ def _peaks(values: np.ndarray, theta: np.ndarray, whole: bool) -> tuple[Peak, Pe
     return peak(1.0), peak(-1.0)
 
 
-def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The highest and the lowest value of a signal and where: as it is known, or of all looks."""
+def _in_order(name: str, looks: Looks) -> tuple[np.ndarray, np.ndarray]:
+    """The angles (N,) rad of all looks, in their order, and the values of a signal there."""
     angles = np.concatenate([at for at, _ in looks])
     values = np.concatenate([signals.get(name, np.full(at.size, np.nan)) for at, signals in looks])
+    order = np.argsort(angles, kind="stable")
+    order = order[np.diff(angles[order], prepend=-np.inf) > ROUNDING]  # each once
+    return angles[order], values[order]
+
+
+def _integral(values: np.ndarray, x: np.ndarray) -> float:
+    """Of values (N,) over x (N,), by Simpson's rule wherever neighbours are evenly apart."""
+    steps = np.diff(x)
+    ends = [0, *(np.flatnonzero(np.abs(np.diff(steps)) > ROUNDING) + 1).tolist(), steps.size]
+    total = 0.0
+    for first, last in pairwise(ends):
+        even = last - (last - first) % 2
+        inner = 4 * values[first + 1 : even : 2].sum() + 2 * values[first + 2 : even : 2].sum()
+        total += steps[first] / 3 * (values[first] + inner + values[even]) if even > first else 0.0
+        total += steps[last - 1] * (values[last - 1] + values[last]) / 2 if last > even else 0.0
+    return float(total)
+
+
+def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The highest and the lowest value of a signal and where: as it is known, or of all looks."""
+    angles, values = _in_order(name, looks)
     at = int(np.nanargmax(values)), int(np.nanargmin(values))
     high, low = ((float(values[k]), float(angles[k])) for k in at)
     (top, top_at), (bottom, bottom_at) = ends
@@ -313,12 +335,15 @@ def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[flo
 
 
 def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
-    """The peaks of a signal, and its mean and rms over the first looks; none where it is missing at two that follow."""
+    """The peaks of a signal, and its mean and rms over all looks, close ones where it jumps; none where it is missing
+    over more than two steps of the first ones.
+    """
     (highest, highest_at), (lowest, lowest_at) = _utmost(ends, name, looks)
-    theta, values = looks[0][0], looks[0][1][name]
-    there = np.isfinite(values)
-    x, known = theta[there], np.all(there[1:] | there[:-1]) and there.sum() > 1
-    mean, square = (np.trapezoid(values[there] ** n, x) / (x[-1] - x[0]) if known else np.nan for n in (1, 2))
+    x, values = _in_order(name, looks)
+    x, values = x[np.isfinite(values)], values[np.isfinite(values)]
+    most = (2 + ROUNDING) * (looks[0][0][1] - looks[0][0][0])
+    missing = max(np.diff(x).max(), np.ptp(looks[0][0]) - np.ptp(x)) if x.size > 1 else np.inf
+    mean, square = (_integral(values**n, x) / np.ptp(x) if missing < most else np.nan for n in (1, 2))
     return Extremes(
         highest=highest,
         highest_at=highest_at,

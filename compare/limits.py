@@ -15,6 +15,7 @@ from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import UnitError
 from analytic.mechanism.written import number, one_unit, quantity
+from analytic.paper.superposition import whole_turn
 from compare.faults import ArgumentError
 from compare.judge.metrics import rms
 from compare.quantities import drive_signals
@@ -121,15 +122,17 @@ def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
     series = {TRANSMISSION: angle} | errors(result.errors) | dict(result.signals)
     places = result.crank_angle if result.time is None else result.time
-    return {name: _limit(known[name], both, series, places, result.extremes) for name, both in bounds.items()}
+    extremes = {**result.extremes, **_of_errors(errors(result.errors), places)}
+    return {name: _limit(known[name], both, series, places, extremes) for name, both in bounds.items()}
 
 
 def limits_of_errors(result: Accuracy, bounds: Mapping[str, Bounds]) -> dict[str, Limit]:
     """What errors by clearance make of limits, ``<output>`` in equilibrium and ``worst_<output>``."""
     series = {name.removeprefix(ERROR): values for name, values in errors(result.outputs).items()}
     units = {name: result.outputs[name.removeprefix(WORST)].unit for name in bounds}
+    extremes = _of_errors(series, result.crank_angle)
     return {
-        name: _limit(Limitable(units[name], signal=name), both, series, result.crank_angle, {})
+        name: _limit(Limitable(units[name], signal=name), both, series, result.crank_angle, extremes)
         for name, both in bounds.items()
     }
 
@@ -148,6 +151,30 @@ def errors(outputs: Mapping[str, ByClearance]) -> dict[str, np.ndarray]:
         for name, error in outputs.items()
         for kind, values in ((ERROR, error.equilibrium), (WORST, error.worst_case))
     }
+
+
+def _of_errors(series: Mapping[str, np.ndarray], places: np.ndarray) -> dict[str, Extremes]:
+    """The ends of errors (N,) between samples ``places`` (N,) evenly apart: of the parabola through three of them."""
+    step = np.diff(places)
+    if step.size < 2 or np.ptp(step) > ROUNDING * abs(step[0]):
+        return {}
+    found = {}
+    for name, values in series.items():
+        around, at = values, places[1:-1]
+        if whole_turn(places):
+            around, at = np.concatenate([values[-1:], values, values[:1]]), places
+        slope, bend = (around[2:] - around[:-2]) / 2, np.diff(around, 2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = -slope / bend
+        ends = np.flatnonzero(np.abs(share) <= 0.5)
+        if ends.size:
+            bent = around[1:-1][ends] + slope[ends] * share[ends] / 2
+            there = at[ends] + share[ends] * step[0]
+            there = np.where(there < places.min(), there + math.tau, there)  # of a whole turn
+            high, low = int(np.argmax(bent)), int(np.argmin(bent))
+            top, top_at, bottom, bottom_at = (float(of[k]) for k in (high, low) for of in (bent, there))
+            found[name] = Extremes(highest=top, highest_at=top_at, lowest=bottom, lowest_at=bottom_at)
+    return found
 
 
 def _known(result: Analysis) -> dict[str, Limitable]:

@@ -96,7 +96,7 @@ def _no_use_for_section(asked: Asked, part: MechanismPart) -> bool:
 
 def _sliding(mechanism: Mechanism, asked: Asked) -> tuple[str, ...]:
     """The bodies that never turn: on blocks, one on another, that do not lean in their guides in any engine."""
-    ideal = set(asked.joint_models) <= {"ideal"}
+    ideal = asked.joint_models == ("ideal",)
     guided = [
         set(joint.bodies) for joint in mechanism.joints if joint.prismatic and (ideal or not _loose(asked, joint))
     ]

@@ -150,8 +150,8 @@ _CAUSES: Mapping[Cause, tuple[str, ...]] = {
     Cause.TOO_DEEP: ("a pin went too deep into its bearing", SMALLER_STEP, "give it a stiffer contact"),
     Cause.TOO_SOFT: ("contact is too soft for the load", "give a larger contact_stiffness (N/m), or a smaller load"),
     Cause.UNPRESSED: ("nothing presses a pin", "give the linkage a load or gravity", ELSEWHERE, CENTRED),
-    Cause.NO_EQUILIBRIUM: ("no equilibrium was found", "check the loads, or use a smaller clearance"),
-    Cause.PULLED: ("in the only equilibrium found a pin is pulled, not pressed", "check the loads"),
+    Cause.NO_EQUILIBRIUM: ("no equilibrium was found", ELSEWHERE, "check the loads, or use a smaller clearance"),
+    Cause.PULLED: ("in the only equilibrium found a pin is pulled, not pressed", ELSEWHERE, "check the loads"),
     Cause.NO_START: (
         "the run could not be started or held",
         "use a smaller clearance or a stiffer contact, or keep clear of where the linkage locks",

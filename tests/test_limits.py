@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import linkage_crosscheck as lc
@@ -188,3 +189,14 @@ def test_the_stroke_of_a_slide_is_two_cranks() -> None:
     assert found.limits["stroke_S"].value == pytest.approx(2 * crank, rel=1e-5)
     with pytest.raises(ArgumentError, match="give them by name"):
         lc.analyse("slider-crank", limits=["reaction_B"])  # type: ignore[arg-type]
+
+
+def test_an_error_by_clearance_is_looked_for_between_the_samples() -> None:
+    """Of samples 5 degrees apart, to what samples 0.1 degrees apart have: more than any of the first ones."""
+    close = lc.accuracy("crank-rocker", clearance=1e-4, angles="0:359.9:0.1", samples=2).outputs["coupler_x"].worst_case
+    coarse = lc.accuracy("crank-rocker", clearance=1e-4, limits={"worst_coupler_x": 1.0}, samples=2)
+    value = coarse.limits["worst_coupler_x"].value
+    assert value is not None
+    assert value == pytest.approx(np.max(close), rel=1e-4)
+    assert value > np.max(coarse.outputs["coupler_x"].worst_case)
+    assert coarse.limits["worst_coupler_x"].at == pytest.approx(np.radians(357.8), abs=np.radians(0.2))

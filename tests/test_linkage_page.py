@@ -128,7 +128,7 @@ to = "300.1 deg"
     assert np.count_nonzero(load.size) == 20
     mean = result.extremes["drive_torque"].mean
     assert mean is not None
-    assert mean * math.tau == pytest.approx(2 * math.radians(100.0), rel=3e-3)
+    assert mean * math.tau == pytest.approx(2 * math.radians(100.0), rel=5e-5)
     html = result.files()["analysis.html"]
     told = re.search(r"Mean power of the drive</dt><dd>([\d.]+) W, ([\d.]+) J a turn", html)
     assert told is not None

@@ -467,5 +467,6 @@ def test_what_acts_is_not_told_with_what_does_not() -> None:
     for joint_models, slides in ((("ideal",), True), (("ideal", "contact"), False)):
         told = omitted(loose, Asked("simulate", joint_models=joint_models))
         assert ("left out: inertia of block, as it only slides" in told) is slides
+    assert not any("it only slides" in text for text in omitted(loose, Asked("analyse")))
     cogged = mechanism(FOUR_BAR, COGGING)
     assert not any("periodic_torque" in text for text in omitted(cogged, Asked("accuracy", bends=True)))
