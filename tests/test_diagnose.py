@@ -375,6 +375,14 @@ def statuses(result: dict[str, Any], name: str, where: str) -> str:
     return str(next(c["status"] for c in result["candidates"] if (c["name"], c["where"]) == (name, where)))
 
 
+def test_a_link_with_a_tip_behind_its_joints_is_longer_between_these() -> None:
+    """The tip, which is told last, is no joint; the rig that was measured has none."""
+    m = four_bar().with_body("follower", com=(0.05, 0.0), inertia=2e-4)
+    tipped = m.with_body("follower", points={**m.moving["follower"].points, "tip": (0.2, 0.01)})
+    result = diagnosed(experiment(mechanism=tipped).measured(readings(experiment(mechanism=m), FOLLOWER)))
+    assert_recovered(result, FOLLOWER)
+
+
 @pytest.mark.parametrize("exclude", slow("link_length", "link_length@follower"))
 def test_what_is_excluded_is_not_named(longer_follower: Measured, exclude: str) -> None:
     result = diagnosed(longer_follower, exclude=(exclude,))

@@ -4,6 +4,7 @@ at once.
 
 import os
 import re
+import signal
 import sys
 import traceback
 from collections.abc import Iterator
@@ -149,6 +150,7 @@ app = typer.Typer(
 def main() -> None:
     """Entry point of the console command."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small: threads cost more than they bring
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a job that is cancelled ends as with Ctrl-C
     try:
         with reader_may_go():
             app(prog_name="compare")

@@ -234,8 +234,19 @@ class BodyMass(Effect):
         return Growth(lambda a: {"mass_error": a * draw.sign * mass}, 1.0 if draw.sign > 0 else 0.8)
 
 
+def end_of(mechanism: Mechanism, body: Body) -> str:
+    """The joint at which a link ends: the last of several, or its only one where no point is named after it; else
+    empty.
+    """
+    joints = {j.name for j in mechanism.joints}
+    *others, last = [point for point in body.points if point in joints] or [""]
+    return last if others or last == "".join(list(body.points)[1:][-1:]) else ""
+
+
 class LinkLength(EachRun):
-    """A link that is longer or shorter: its last named point moves along its x axis; com, marker and inertia stay."""
+    """A link that is longer or shorter: its last joint moves along its x axis; com, marker, other points and inertia
+    stay.
+    """
 
     name = "link_length"
     place = "body"
@@ -247,8 +258,7 @@ class LinkLength(EachRun):
     special_case_of = ("pivot_position",)
 
     def places(self, rig: Rig) -> Sequence[str]:
-        joints = {j.name for j in rig.mechanism.joints}
-        return [b.name for b in rig.mechanism.bodies if len(b.points) > 1 and list(b.points)[-1] in joints]
+        return [b.name for b in rig.mechanism.bodies if end_of(rig.mechanism, b)]
 
     def scale(self, rig: Rig, where: str) -> float:
         return 1e-5 * rig.length
@@ -260,12 +270,14 @@ class LinkLength(EachRun):
         return -self.lowest(rig, where, variant)
 
     def sense(self, mechanism: Mechanism, where: str) -> int:
-        *others, last = (x for x, _ in body_of(mechanism, where).points.values())
-        return 1 if last >= sum(others) / len(others) else -1  # drawn backwards, its end moves towards it
+        body = body_of(mechanism, where)
+        points = list(body.points)
+        *others, last = (body.points[point][0] for point in points[: points.index(end_of(mechanism, body)) + 1])
+        return 1 if not others or last >= sum(others) / len(others) else -1  # drawn backwards, its end moves towards it
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = body_of(mechanism, where)
-        last = list(body.points)[-1]
+        last = end_of(mechanism, body)
         x, y = body.points[last]
         return mechanism.with_body(
             where, **_pinned(body) | {"points": {**body.points, last: (x + values["length_error"], y)}}

@@ -10,7 +10,7 @@ import numpy as np
 
 from analytic.kinematics.schedule import Turning
 from analytic.mechanism import GROUND, Load, Mechanism
-from compare.diagnose.effects.bodies import LinkLength, body_of
+from compare.diagnose.effects.bodies import LinkLength, body_of, end_of
 from compare.diagnose.effects.effect import Effect, Parameter, Rig, Values
 from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.propose.laws import UNKNOWNS
@@ -54,7 +54,7 @@ class Bend(LinkLength):
 
     def on_mechanism(self, mechanism: Mechanism, where: str, values: Values) -> Mechanism:
         body = body_of(mechanism, where)
-        last = list(body.points)[-1]
+        last = end_of(mechanism, body)
         x, y = body.points[last]
         straight = super().on_mechanism(mechanism, where, {"length_error": 0.0})
         return straight.with_body(where, points={**body.points, last: (x, y + values["length_error"])})

@@ -45,6 +45,8 @@ def _said(result: Limited, limit: Limit) -> str:
     if limit.verdict == "unknown":
         missing = f"{limit.missing} of {count(len(over(result).values), 'sample')}"
         return f"{value}{'and ' if value else ''}has no answer at {missing}: {bound} is not known to hold"
+    if limit.verdict == "holds" and not (limit.least is None or limit.largest is None or of_size):
+        return f"{value}within {plain(factor * limit.least, DIGITS)} to {plain(factor * limit.largest, DIGITS)} {unit}"
     if limit.verdict == "holds":
         return f"{value}within {bound}"
     return f"{value}{'more' if of_size or (limit.value or 0.0) > limit.bound else 'less'} than {bound}"
