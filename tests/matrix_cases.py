@@ -227,7 +227,7 @@ CHANGES: dict[str, Change] = {
     "Joint.friction": Change({"joint.C.friction": 0.4}, ROUGH),
     "Joint.contact_stiffness": Change({"joint.C.contact_stiffness": 3e7}, {"joint.C.contact_stiffness": 1e8}),
     "Joint.contact_damping": Change({"joint.C.contact_damping": 500.0}, {"joint.C.contact_damping": 2000.0}),
-    "Joint.restitution": Change({"joint.C.restitution": 0.9}, {"joint.C.restitution": 0.3}),
+    "Joint.restitution": Change({"joint.C.restitution": 0.9}, {"joint.C.restitution": 0.3, "drive.speed": 16.0}),
     "Joint.contact_law": Change({"joint.C.contact_law": "flores"}, {"joint.C.contact_law": "hunt-crossley"}),
     "Joint.friction_torque": Change({"joint.D.friction_torque": 0.8}),
     "Joint.static_torque": Change({"joint.D.static_torque": 2.5}, STRIBECK),

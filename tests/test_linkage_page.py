@@ -512,6 +512,7 @@ def test_a_motor_is_told_its_rms_torque_of_a_turn() -> None:
     rms = MASS * GRAVITY * REACH / math.sqrt(2)
     assert result.extremes["drive_torque"].rms == pytest.approx(rms, rel=1e-9)
     assert result.peaks.set_index("signal").rms["drive_torque"] == pytest.approx(rms, rel=1e-9)
+    assert result.peaks.attrs["units"] == {"crank_angle": "rad"}
     for more, verdict in ((1.0001, "holds"), (0.9999, "broken")):
         limit = lc.analyse(loads(ARM), limits={"rms_drive_torque": more * rms}).limits["rms_drive_torque"]
         assert (limit.verdict, limit.value, limit.at) == (verdict, pytest.approx(rms, rel=1e-9), None)

@@ -74,7 +74,8 @@ def as_dataframe(rows: Sequence[Row], called: str, units: Mapping[str, str] | No
     except ImportError:
         raise ImportError(f"{called} needs pandas; run: pip install 'linkage-crosscheck[pandas]'") from None
     frame = pandas.DataFrame(rows)
-    frame.attrs["units"] = {name: unit for name, unit in (units or {}).items() if name in frame}
+    known = {"crank_angle": "rad", "time": "s", **(units or {})}
+    frame.attrs["units"] = {name: unit for name, unit in known.items() if name in frame}
     return frame
 
 
