@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from math import ceil, degrees, radians, tau
 from typing import Any
 
@@ -44,6 +43,7 @@ from compare.questions.analyse import AnalyseQuestion, RunQuestion, SimulateQues
 from compare.questions.question import answers
 from compare.results.analysis import Analysis, Extremes, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
+from compare.sampled import integral, vertices
 from compare.schedules import scheduled
 from compare.toleranced import of_signals, states_tolerances, varying
 from sim_models.common.contact_laws import assumed_of_contact
@@ -292,10 +292,9 @@ def _peaks(values: np.ndarray, theta: np.ndarray, whole: bool) -> tuple[Peak, Pe
         k = int(np.nanargmax(sign * values))
         before, here, after = bends[k : k + 3]
         if max(abs(before - here), abs(after - here)) < UNEVEN * abs(here) and sign * here < 0:  # not where one is NaN
-            slope = (around[k + 3] - around[k + 1]) / 2
-            share = float(np.clip(-slope / here, -0.5, 0.5))
+            share, value = vertices(*around[k + 1 : k + 4])
             at = float(theta[k] + share * (theta[1] - theta[0]))
-            return float(values[k] + slope * share + here * share**2 / 2), at + tau if at < theta[0] else at
+            return float(value), at + tau if at < theta[0] else at
         flat = np.nanmax(values) - np.nanmin(values) <= ROUNDING * np.nanmax(np.abs(values))
         end = not whole and k in (0, values.size - 1)
         return (float(values[k]) if flat or end else None), float(theta[k])
@@ -310,19 +309,6 @@ def _in_order(name: str, looks: Looks) -> tuple[np.ndarray, np.ndarray]:
     order = np.argsort(angles, kind="stable")
     order = order[np.diff(angles[order], prepend=-np.inf) > ROUNDING]  # each once
     return angles[order], values[order]
-
-
-def _integral(values: np.ndarray, x: np.ndarray) -> float:
-    """Of values (N,) over x (N,), by Simpson's rule wherever neighbours are evenly apart."""
-    steps = np.diff(x)
-    ends = [0, *(np.flatnonzero(np.abs(np.diff(steps)) > ROUNDING) + 1).tolist(), steps.size]
-    total = 0.0
-    for first, last in pairwise(ends):
-        even = last - (last - first) % 2
-        inner = 4 * values[first + 1 : even : 2].sum() + 2 * values[first + 2 : even : 2].sum()
-        total += steps[first] / 3 * (values[first] + inner + values[even]) if even > first else 0.0
-        total += steps[last - 1] * (values[last - 1] + values[last]) / 2 if last > even else 0.0
-    return float(total)
 
 
 def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -343,7 +329,7 @@ def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
     x, values = x[np.isfinite(values)], values[np.isfinite(values)]
     most = (2 + ROUNDING) * (looks[0][0][1] - looks[0][0][0])
     missing = max(np.diff(x).max(), np.ptp(looks[0][0]) - np.ptp(x)) if x.size > 1 else np.inf
-    mean, square = (_integral(values**n, x) / np.ptp(x) if missing < most else np.nan for n in (1, 2))
+    mean, square = (integral(values**n, x) / np.ptp(x) if missing < most else np.nan for n in (1, 2))
     return Extremes(
         highest=highest,
         highest_at=highest_at,

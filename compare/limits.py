@@ -22,6 +22,7 @@ from compare.quantities import drive_signals
 from compare.results.accuracy import Accuracy
 from compare.results.analysis import Analysis, Extremes, Limit
 from compare.results.looked_at import ByClearance
+from compare.sampled import vertices
 
 ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks between samples are interpolated
 MOST_LISTED = 16  # names in a sentence
@@ -163,16 +164,13 @@ def _of_errors(series: Mapping[str, np.ndarray], places: np.ndarray) -> dict[str
         around, at = values, places[1:-1]
         if whole_turn(places):
             around, at = np.concatenate([values[-1:], values, values[:1]]), places
-        slope, bend = (around[2:] - around[:-2]) / 2, np.diff(around, 2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = -slope / bend
-        ends = np.flatnonzero(np.abs(share) <= 0.5)
-        if ends.size:
-            bent = around[1:-1][ends] + slope[ends] * share[ends] / 2
-            there = at[ends] + share[ends] * step[0]
+        share, ends = vertices(around[:-2], around[1:-1], around[2:])
+        ends = np.where(np.abs(share) <= 0.5, ends, np.nan)  # of the three samples around it
+        if np.isfinite(ends).any():
+            there = at + share * step[0]
             there = np.where(there < places.min(), there + math.tau, there)  # of a whole turn
-            high, low = int(np.argmax(bent)), int(np.argmin(bent))
-            top, top_at, bottom, bottom_at = (float(of[k]) for k in (high, low) for of in (bent, there))
+            high, low = int(np.nanargmax(ends)), int(np.nanargmin(ends))
+            top, top_at, bottom, bottom_at = (float(of[k]) for k in (high, low) for of in (ends, there))
             found[name] = Extremes(highest=top, highest_at=top_at, lowest=bottom, lowest_at=bottom_at)
     return found
 

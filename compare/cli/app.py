@@ -9,7 +9,7 @@ import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -69,7 +69,7 @@ class Commands(typer.core.TyperGroup):
 def _check_once(words: list[str], root: typer.core.TyperGroup, context: typer.Context) -> None:
     """Raises a usage error for an option with one value that is given two: the parser would take the last."""
     command: Any = root
-    for word in words:
+    for word in takewhile(lambda word: not word.startswith("-"), words):
         command = getattr(command, "commands", {}).get(word, command)
     single = {name: each for each in command.params if not each.multiple and each.nargs == 1 for name in each.opts}
     given: dict[str, str] = {}

@@ -12,8 +12,7 @@ from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.leaps import plausible
 from compare.diagnose.least_squares import UNSEEN
 from compare.diagnose.predict import Term
-
-NORMAL_95 = 1.96  # standard deviations either way of a 95 % interval
+from compare.judge.statistics import NORMAL_95
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from compare.results.crosscheck import Run
 FEWEST_REVOLUTIONS = 3  # revolutions for an interval
 RESAMPLES = 1000
 CONFIDENCE = 0.95
+NORMAL_95 = 1.96  # standard deviations either way of a normal distribution, within which 95 % of it are
 RESAMPLE_SEED = 20
 ENGINE_ROUNDING = 1e-6  # of what a contact takes: friction of a frictionless one is an engine's rounding
 

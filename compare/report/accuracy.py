@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 
 from compare.ci import JUnitCase, JUnitSuite, junit_xml
+from compare.judge.statistics import NORMAL_95
 from compare.presentation import Presentation
 from compare.quantities import shown
 from compare.report import accuracy_page
@@ -44,7 +45,6 @@ def judged(result: Accuracy) -> list[JUnitSuite]:
     ]
 
 
-NORMAL_95 = 1.96  # sigmas of a normal distribution, within which 95 % of it are
 CLEARANCE_ALONE = {False: "95 % of the samples", True: "95 % of the samples, by clearance alone"}
 
 

@@ -7,12 +7,12 @@ from string import ascii_lowercase
 
 import numpy as np
 
-from compare.diagnose.intervals import NORMAL_95
 from compare.diagnose.propose.laws import Argument, Candidate
 from compare.diagnose.propose.parting import would_separate
 from compare.diagnose.propose.places import RELATIVES, recovered
 from compare.diagnose.propose.proposal import Proposal
 from compare.diagnose.propose.regression import Told, solved
+from compare.judge.statistics import NORMAL_95
 from compare.report.words.proposals import says
 from compare.results.diagnosis import Curve, Estimate, Proposed, SamePlace
 

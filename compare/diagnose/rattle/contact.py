@@ -13,10 +13,11 @@ from analytic.mechanism.one_line import count
 from compare.diagnose.data.recording import MeasuredError
 from compare.diagnose.effects.effect import Rig
 from compare.diagnose.effects.joints import ContactLaw, JointClearance
-from compare.diagnose.intervals import NORMAL_95, Interval
+from compare.diagnose.intervals import Interval
 from compare.diagnose.predict import Term
 from compare.diagnose.rattle.law import LawSearch, Room, Simulate, Trial
 from compare.diagnose.rattle.statistics import Key, Statistics
+from compare.judge.statistics import NORMAL_95
 from sim_models.engine import ENGINES, Unsupported, declared, engine
 
 SILENT = (

@@ -16,7 +16,7 @@ from compare.diagnose.effects.joints import JointClearance
 from compare.diagnose.engines import Engines
 from compare.diagnose.explanation import Attempt, Explanation, Named
 from compare.diagnose.fit import Fit
-from compare.diagnose.intervals import NORMAL_95, Interval
+from compare.diagnose.intervals import Interval
 from compare.diagnose.predict import Hypothesis, Model, Term
 from compare.diagnose.problem import Problem
 from compare.diagnose.rattle.contact import SILENT, Found, asked
@@ -24,6 +24,7 @@ from compare.diagnose.rattle.law import TRIALS_ALIKE, TRIALS_APART, Law, Simulat
 from compare.diagnose.rattle.statistics import ALIKE, Key, Readings, Statistics
 from compare.diagnose.rattle.trial import Trials, Tried, least, reaching, wanted
 from compare.diagnose.rattle.turns import FEWEST, Turns, rattles
+from compare.judge.statistics import NORMAL_95
 from compare.results.diagnosis import DiagnosisVerdict
 from sim_models.common.contact_laws import default_stiffness
 from sim_models.engine import engine
