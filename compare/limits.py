@@ -28,7 +28,7 @@ ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks betw
 MOST_LISTED = 16  # names in a sentence
 EFFORTS = ("N", "N.m", "W")
 TRANSMISSION = "transmission_angle"
-RMS = "rms_"  # with the name of a force, a torque or a power after it
+RMS, MEAN = "rms_", "mean_"  # with the name of a force, a torque or a power after it
 STROKE = "stroke_"  # with a slide's or a body's name after it: its travel, or its angle, without clearance
 ERROR, WORST = "error_", "worst_"  # with an output's name after it: its error by clearance in equilibrium, at worst
 Bounds = tuple[float, float]
@@ -41,7 +41,7 @@ class Limitable:
     unit: str
     alone: Literal["size", "least", "either"] = "size"
     signal: str = ""
-    rms: bool = False
+    of: Literal["throughout", "mean", "rms"] = "throughout"
 
 
 def limited(given: object, known: Mapping[str, Limitable], unknown: str) -> dict[str, Bounds]:
@@ -109,8 +109,8 @@ def _amount(name: str, size: object, unit: str) -> float:
 def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     """What an analysis makes of limits to its signals, ``reaction_B`` for the size of one, to ``stroke_<joint or
     body>``, to the least ``transmission_angle``, to errors by clearance, ``error_<output>`` in equilibrium and
-    ``worst_<output>``, and to the root mean square of forces, torques and powers, ``rms_<signal>``.  Raises
-    ArgumentError.
+    ``worst_<output>``, and to the mean and the root mean square of forces, torques and powers, ``mean_<signal>`` and
+    ``rms_<signal>``.  Raises ArgumentError.
     """
     m, known = result.mechanism, _known(result)
     if isinstance(given, Mapping) and not m.clearances:
@@ -123,7 +123,7 @@ def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
     series = {TRANSMISSION: angle} | errors(result.errors) | dict(result.signals)
     places = result.crank_angle if result.time is None else result.time
-    extremes = {**result.extremes, **_of_errors(errors(result.errors), places)}
+    extremes = {**result.extremes, **between(errors(result.errors), places)}
     return {name: _limit(known[name], both, series, places, extremes) for name, both in bounds.items()}
 
 
@@ -131,7 +131,7 @@ def limits_of_errors(result: Accuracy, bounds: Mapping[str, Bounds]) -> dict[str
     """What errors by clearance make of limits, ``<output>`` in equilibrium and ``worst_<output>``."""
     series = {name.removeprefix(ERROR): values for name, values in errors(result.outputs).items()}
     units = {name: result.outputs[name.removeprefix(WORST)].unit for name in bounds}
-    extremes = _of_errors(series, result.crank_angle)
+    extremes = between(series, result.crank_angle)
     return {
         name: _limit(Limitable(units[name], signal=name), both, series, result.crank_angle, extremes)
         for name, both in bounds.items()
@@ -154,7 +154,7 @@ def errors(outputs: Mapping[str, ByClearance]) -> dict[str, np.ndarray]:
     }
 
 
-def _of_errors(series: Mapping[str, np.ndarray], places: np.ndarray) -> dict[str, Extremes]:
+def between(series: Mapping[str, np.ndarray], places: np.ndarray) -> dict[str, Extremes]:
     """The ends of errors (N,) between samples ``places`` (N,) evenly apart: of the parabola through three of them."""
     step = np.diff(places)
     if step.size < 2 or np.ptp(step) > ROUNDING * abs(step[0]):
@@ -189,9 +189,9 @@ def _known(result: Analysis) -> dict[str, Limitable]:
     known |= {} if result.transmission is None else {TRANSMISSION: Limitable("rad", "least", TRANSMISSION)}
     known |= {n: Limitable(kinds[n].unit, signal=n) for n in signals}
     known |= {n: Limitable(result.errors[n[len(ERROR) :]].unit, signal=n) for n in errors(result.errors)}
-    return known | {
-        f"{RMS}{n}": replace(of, rms=True) for n, of in known.items() if of.unit in EFFORTS and of.signal in kinds
-    }
+    efforts = {n: of for n, of in known.items() if of.unit in EFFORTS and of.signal in kinds}
+    known |= {f"{RMS}{n}": replace(of, of="rms") for n, of in efforts.items()}
+    return known | {f"{MEAN}{n}": replace(of, of="mean") for n, of in efforts.items()}
 
 
 def _limit(
@@ -207,10 +207,11 @@ def _limit(
     series = every.get(of.signal, np.zeros(0))
     there, found = np.isfinite(series), extremes.get(of.signal)
     ends = list(zip(series[there].tolist(), places[: series.size][there].tolist(), strict=True))
-    between = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
-    ends += [(v, x) for v, x in between if v is not None and x is not None]
-    if of.rms and ends:
-        ends = [(rms(series) if found is None or found.rms is None else found.rms, math.nan)]
+    looked = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
+    ends += [(v, x) for v, x in looked if v is not None and x is not None]
+    if of.of != "throughout" and ends:
+        known = (rms if of.of == "rms" else np.nanmean)(series) if found is None else getattr(found, of.of)
+        ends = [] if known is None else [(known, math.nan)]
     off, value, at = math.inf, None, None
     if ends:
         highest, lowest = max(ends), min(ends)
@@ -218,7 +219,7 @@ def _limit(
             highest = lowest = (highest[0] - lowest[0], math.nan)
         off, (value, at) = max((highest[0] - bounds[1], highest), (bounds[0] - lowest[0], lowest))
     slack = ROUNDING * max(abs(bound) for bound in bounds if math.isfinite(bound))
-    verdict: Literal["holds", "broken", "unknown"] = "holds" if there.all() else "unknown"
+    verdict: Literal["holds", "broken", "unknown"] = "holds" if there.all() and ends else "unknown"
     return Limit(
         unit=of.unit,
         least=bounds[0],

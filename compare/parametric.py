@@ -30,17 +30,19 @@ from compare.arguments import Linkage, Values, cores, engines, linkage, with_map
 from compare.crosscheck import crosscheck
 from compare.faults import ArgumentError
 from compare.judge.tolerances import Tolerances
+from compare.limits import EFFORTS, ERROR, MEAN, RMS, ROUNDING, STROKE, TRANSMISSION, WORST, between, errors
 from compare.platform import platform_accuracy
 from compare.progress import progress_bar
-from compare.quantities import drive_signals, quantities
+from compare.quantities import drive_signals, going, quantities
 from compare.questions.accuracy import AccuracyQuestion, PlatformQuestion
 from compare.questions.analyse import AnalyseQuestion
 from compare.questions.crosscheck import CrosscheckQuestion
 from compare.questions.question import Question, arguments, check_names
 from compare.questions.sweep import SweepQuestion
 from compare.results.accuracy import Accuracy
-from compare.results.analysis import Analysis, Limit
+from compare.results.analysis import Analysis, Extremes, Limit
 from compare.results.crosscheck import CrossCheck
+from compare.results.looked_at import ByClearance
 from compare.results.platform import PlatformAccuracy
 from compare.results.sweep import Asks, Farthest, FieldValue, Group, Sweep, SweptColumn, SweptField, SweptPoint
 from compare.sweep import sweep as spread_out
@@ -302,51 +304,85 @@ def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
     """The largest of each signal on request, of each joint's reaction and of what each drive gives, and where it is;
     the error of each output, and the share of limits broken.
     """
-    known, drives = quantities(result.mechanism), drive_signals(result.mechanism)
-    reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
+    m, known, drives = result.mechanism, quantities(result.mechanism), drive_signals(result.mechanism)
+    reactions = [f"reaction_{joint.name}_magnitude" for joint in m.joints]
     asked = [name for name, signal in result.kinds.items() if signal.on_request]
-    columns: dict[str, SweptColumn] = {}
-    numbers: dict[str, float | None] = {}
-    place = "rad" if result.time is None else "s"
+    units = {name: kind.unit for name, kind in result.kinds.items()}
+    places, of_places = (result.crank_angle, "rad") if result.time is None else (result.time, "s")
+    row = _Row()
     for name in (name for name in (*asked, *reactions, *drives) if name in result.signals):
         group: Group = "asked" if name in asked else "drive" if name in drives else "reaction"
-        columns[name] = SweptColumn(group=group, label=known[name].label, unit=result.kinds[name].unit)
-        columns[f"{name}_at"] = SweptColumn(group="place", label=f"place of {known[name].label}", unit=place)
-        numbers[name], numbers[f"{name}_at"] = _peak(result, name)
-    for name, error in result.errors.items():
-        columns[f"error_{name}"] = SweptColumn(group="error", label=f"error of {name}", unit=error.unit)
-        numbers[f"error_{name}"] = _largest(error.equilibrium)
-    _limits(result.limits, columns, numbers)
-    remark = _unanswered(result.flags, len(result.crank_angle))
-    return Answer(at=at, columns=columns, numbers=numbers, remark=remark, warnings=result.warnings)
+        label, unit = known[name].label, units[name]
+        peak, where = _peak(result.signals[name], places, result.extremes.get(name))
+        row.add(group, name, label, unit, peak)
+        row.add("place", f"{name}_at", f"place of {label}", of_places, where)
+        if group != "reaction" and unit in EFFORTS and name in result.extremes:
+            mean, effective = result.extremes[name].mean, result.extremes[name].rms
+            mean = 0.0 if mean is not None and abs(mean) < ROUNDING * (effective or 0.0) else mean
+            row.add("mean", f"{MEAN}{name}", f"mean of {label}", unit, mean)
+            row.add("rms", f"{RMS}{name}", f"RMS of {label}", unit, effective)
+    for what, signal in going(m).items() if m.cranked else ():
+        ends = result.extremes.get(f"{STROKE}{what}")
+        if ends is not None and ends.highest is not None and ends.lowest is not None:
+            row.add("stroke", f"{STROKE}{what}", f"stroke of {what}", units[signal], ends.highest - ends.lowest)
+    if TRANSMISSION in result.extremes:
+        row.add("transmission", TRANSMISSION, "least transmission angle", "rad", result.extremes[TRANSMISSION].lowest)
+    row.errors(result.errors, places)
+    return row.answer(at, _unanswered(result.flags, len(result.crank_angle)), result.warnings, result.limits)
 
 
-def _limits(limits: Mapping[str, Limit], columns: dict[str, SweptColumn], numbers: dict[str, float | None]) -> None:
-    """Add the share of limits broken, where there are any."""
-    if limits:
-        columns["broken"] = SweptColumn(group="limit", label="limits broken", unit="1")
-        numbers["broken"] = sum(each.verdict != "holds" for each in limits.values()) / len(limits)
+class _Row:
+    """The columns of a point, and its numbers in them."""
+
+    def __init__(self) -> None:
+        self.columns: dict[str, SweptColumn] = {}
+        self.numbers: dict[str, float | None] = {}
+
+    def add(self, group: Group, name: str, label: str, unit: str, value: float | None) -> None:
+        """Add a number (SI)."""
+        self.columns[name] = SweptColumn(group=group, label=label, unit=unit)
+        self.numbers[name] = value
+
+    def errors(self, outputs: Mapping[str, ByClearance], places: np.ndarray | None) -> None:
+        """Add the largest error of each output in equilibrium, then in the worst case, between ``places`` (N,) too
+        where they are in a row.
+        """
+        series = errors(outputs)
+        ends = {} if places is None else between(series, places)
+        groups: Mapping[Group, tuple[str, str]] = {"error": (ERROR, "error of"), "worst_case": (WORST, "worst case of")}
+        for group, (head, words) in groups.items():
+            for output, error in outputs.items():
+                name = f"{head}{output}"
+                peak, _ = _peak(series[name], series[name] if places is None else places, ends.get(name))
+                self.add(group, name, f"{words} {output}", error.unit, peak)
+
+    def answer(
+        self, at: Mapping[str, int], remark: str, warnings: tuple[str, ...], limits: Mapping[str, Limit] | None = None
+    ) -> Answer:
+        """The point, with a column of each number with a limit that is none yet, and the share of limits broken."""
+        limits = limits or {}
+        for name, limit in limits.items():
+            if not {name, f"{name}_magnitude", f"{ERROR}{name}"} & {*self.columns}:
+                self.add("limited", name, name, limit.unit, limit.value)
+        if limits:
+            broken = sum(each.verdict != "holds" for each in limits.values())
+            self.add("limit", "broken", "limits broken", "1", broken / len(limits))
+        return Answer(
+            at=at, columns=self.columns, numbers=self.numbers, remark=remark, warnings=warnings, limits=limits
+        )
 
 
 def _accurate(at: Mapping[str, int], result: Accuracy | PlatformAccuracy) -> Answer:
     """The error of each output in equilibrium, and in the worst case."""
-    columns: dict[str, SweptColumn] = {}
-    numbers: dict[str, float | None] = {}
-    by = result.tolerances if isinstance(result, Accuracy) else None
+    row = _Row()
+    if isinstance(result, PlatformAccuracy):
+        row.errors(result.outputs, None)
+        return row.answer(at, _unanswered(result.flags, result.holding.size, "pose"), result.warnings)
+    by = result.tolerances
     if by is not None and by.within is not None:
-        columns["yield"] = SweptColumn(group="yield", label="linkages within the limits", unit="1")
-        numbers["yield"] = by.within
-    _limits(result.limits if isinstance(result, Accuracy) else {}, columns, numbers)
-    groups: Mapping[Group, str] = {"error": "error of", "worst_case": "worst case of"}
-    for group, words in groups.items():
-        for name, output in result.outputs.items():
-            columns[f"{group}_{name}"] = SweptColumn(group=group, label=f"{words} {name}", unit=output.unit)
-            numbers[f"{group}_{name}"] = _largest(output.equilibrium if group == "error" else output.worst_case)
-    size, of = (
-        (len(result.crank_angle), "crank angle") if isinstance(result, Accuracy) else (result.holding.size, "pose")
-    )
-    remark = _unanswered(result.flags, size, of)
-    return Answer(at=at, columns=columns, numbers=numbers, remark=remark, warnings=result.warnings)
+        row.add("yield", "yield", "linkages within the limits", "1", by.within)
+    row.errors(result.outputs, result.crank_angle)
+    return row.answer(at, _unanswered(result.flags, len(result.crank_angle)), result.warnings, result.limits)
 
 
 def _compared(at: Mapping[str, int], result: CrossCheck) -> Answer:
@@ -381,22 +417,14 @@ def _compared(at: Mapping[str, int], result: CrossCheck) -> Answer:
     return answer.model_copy(update=update)
 
 
-def _peak(result: Analysis, name: str) -> tuple[float | None, float | None]:
-    """The value of a signal that is the largest in size, between the samples too, and the crank angle (rad) or time (s)
-    of it; None where there is none.
+def _peak(values: np.ndarray, places: np.ndarray, ends: Extremes | None = None) -> tuple[float | None, float | None]:
+    """That of values (N,) which is the largest in size, between the samples too where their ``ends`` are known, and
+    which of the ``places`` (N,) it is at; None where there is none.
     """
-    values, places = result.signals[name], result.crank_angle if result.time is None else result.time
     found = [(float(values[k]), float(places[k])) for k in np.flatnonzero(np.isfinite(values))]
-    ends = result.extremes.get(name)
     between = () if ends is None else ((ends.highest, ends.highest_at), (ends.lowest, ends.lowest_at))
     found += [(value, place) for value, place in between if value is not None and place is not None]
     return max(found, key=lambda each: abs(each[0]), default=(None, None))
-
-
-def _largest(values: np.ndarray) -> float | None:
-    """The value that is the largest in size; None where there is none."""
-    known = values[np.isfinite(values)]
-    return float(known[np.argmax(np.abs(known))]) if known.size else None
 
 
 def _unanswered(flags: Mapping[str, str], size: int, of: str = "crank angle") -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.assumed import Assumed
-from analytic.mechanism.signals import Component, SignalKind, driving, signals
+from analytic.mechanism.signals import Component, SignalKind, driving, position, signals
 from sim_models.engine import SettingValue
 
 SHOWN = {"rad": ("deg", math.degrees(1.0)), "m": ("mm", 1e3), "1": ("%", 100.0)}  # SI unit -> unit that is read, factor
@@ -137,6 +137,19 @@ def key_signals(mechanism: Mechanism, joints: list[str], loose: bool) -> list[st
 def drive_signals(mechanism: Mechanism) -> list[str]:
     """Names of what the drives give: a torque, or each its torque or force."""
     return [signal.name for signal in driving(mechanism.motors)]
+
+
+def going(mechanism: Mechanism) -> dict[str, str]:
+    """What may go to and fro on the ground as the crank turns: each slide by its joint's name and each body, with the
+    signal that says where it is.
+    """
+    ways = {}
+    for joint in mechanism.joints:
+        if GROUND in joint.bodies and mechanism.driven not in joint.bodies:
+            body = next(name for name in joint.bodies if name != GROUND)
+            name, signal = (joint.name, position(joint).name) if joint.prismatic else (body, f"{body}_angle")
+            ways[name] = signal
+    return ways
 
 
 def couplers(mechanism: Mechanism) -> list[str]:

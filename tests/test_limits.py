@@ -13,6 +13,7 @@ import pytest
 import linkage_crosscheck as lc
 from commands import assert_refused, compare
 from compare.faults import ArgumentError
+from compare.report.sweep import table
 
 CRANK, COUPLER, FOLLOWER, GROUND = 0.05, 0.12, 0.10, 0.12  # m, of the shipped crank-rocker
 
@@ -151,6 +152,51 @@ def test_a_sweep_tells_at_which_points_a_limit_is_broken() -> None:
     swept = lc.sweep("crank-rocker", {"drive.speed": "300:400:50rpm"}, limits=limits)
     assert [point.numbers["broken"] for point in swept.points] == [0.0, 0.5, 0.5]
     assert (swept.poor, swept.holds) == (2, False)
+
+
+def test_a_swept_limit_says_in_a_ci_which_one_broke_where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces of inertia grow with the square of the speed; the stroke does not."""
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "summary.md"))
+    limits = ("--limit", "reaction_B=12N,mean_drive_torque=1N.m,stroke_follower=60:70deg")
+    done = compare(
+        "crank-rocker", "--set", "drive.speed=300:400:50rpm", *limits, "--workers", "1", "--out", "out", cwd=tmp_path
+    )
+    said = "reaction_B is 18.134 N at 15.45 deg, more than its limit of 12 N"
+    assert done.returncode == 1, done.stderr
+    assert f"broken at 2 of 3 points: {said}, at drive.speed = 400 rpm" in done.stdout
+    assert "holds at 3 of 3 points: stroke_follower is 65.148 deg" in done.stdout
+    marks = [line for line in done.stderr.splitlines() if line.startswith("::error")]
+    assert marks[0] == f"::error title=crank-rocker%2C drive.speed = 400 rpm%3A reaction_B::{said}"
+    assert len(marks) == 2
+    suites = ElementTree.parse(tmp_path / "out" / "junit.xml").getroot()
+    assert (suites.get("tests"), suites.get("failures"), suites.get("errors")) == ("9", "2", "0")
+    assert {case.get("message") for case in suites.iter("failure")} > {said}
+    summary = (tmp_path / "summary.md").read_text(encoding="utf-8")
+    assert "2 of 9 wrong; the worst: drive.speed = 400 rpm: " in summary
+    assert f"{said}, at drive.speed" in (tmp_path / "out" / "sweep.html").read_text(encoding="utf-8").replace("R", "r")
+
+
+def test_a_sweep_has_a_column_of_each_number_with_a_limit() -> None:
+    limits = {"rms_drive_torque": "1 N.m", "worst_follower_angle": "1 deg", "stroke_coupler": ":90 deg"}
+    given = {"joint.B.clearance": ["0.1 mm"]}
+    swept = lc.sweep("crank-rocker", given, limits=limits, model="first_order", workers=1)
+    numbers, (point,) = swept.points[0].numbers, swept.points
+    for name in limits:
+        assert numbers[name] == pytest.approx(point.limits[name].value, rel=1e-12), name
+    assert numbers["stroke_follower"] == pytest.approx(STROKE, rel=1e-4)
+    assert numbers["transmission_angle"] == pytest.approx(LEAST, rel=1e-4)
+    heads, _ = table(swept)
+    assert "RMS of drive torque (N.m)" in heads
+
+
+def test_a_point_without_an_answer_is_an_error_of_a_swept_limit() -> None:
+    swept = lc.sweep("crank-rocker", {"body.coupler.length": [0.12, 0.5]}, limits={"reaction_B": 1e3}, workers=1)
+    (suite,) = swept.judgements()
+    assert [(case.name, bool(case.failure), bool(case.error)) for case in suite.cases] == [
+        ("reaction_B", False, False),
+        ("answer", False, True),
+    ]
 
 
 @pytest.mark.parametrize(

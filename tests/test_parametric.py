@@ -236,7 +236,7 @@ def test_the_worst_case_of_clearance_is_proportional_to_it() -> None:
     """Eq. 8 is linear in the gaps."""
     fields = {"joint.B.clearance": "0.1mm:0.3mm:0.1mm"}
     result = lc.sweep(PAPER, fields, "accuracy", samples=2, outputs="follower.angle", workers=1)
-    values = column(result, "worst_case_follower_angle")
+    values = column(result, "worst_follower_angle")
     np.testing.assert_allclose(values / values[0], [1.0, 2.0, 3.0], rtol=1e-9)
 
 
@@ -248,7 +248,7 @@ def test_a_platform_s_accuracy_is_swept_over_its_motion_or_workspace(tmp_path: P
         assert done.returncode in (0, 1), done.stderr
         result = Sweep.read(tmp_path / more[0].strip("-") / "sweep.json")
         assert result.asks == "platform_accuracy"
-        worst = [name for name in result.columns if name.startswith("worst_case_") and column(result, name)[0] > 0]
+        worst = [name for name in result.columns if name.startswith("worst_") and column(result, name)[0] > 0]
         assert worst
         for name in worst:
             np.testing.assert_allclose(column(result, name), column(result, name)[0] * np.array([1.0, 2.0]), rtol=1e-9)
@@ -337,6 +337,10 @@ def test_a_cross_check_s_rows_have_the_verdict_and_the_largest_difference(tmp_pa
     assert (far.signal, far.max) == (worst.signal, pytest.approx(worst.max, rel=1e-9))
     assert result.rows()[1]["share"] == pytest.approx(worst.share, rel=1e-9)
     assert re.search(rf"0\.001 +agrees .*\n +1 +DISAGREES .*{worst.signal}, mujoco, contact", done.stdout)
+    cases = [case for suite in result.judgements() for case in suite.cases]
+    assert [bool(case.failure) for case in cases] == [False, True]
+    assert cases[1].failure.startswith(f"disagrees: {worst.signal}, mujoco, contact: ")
+    assert (tmp_path / "out" / "junit.xml").exists()
 
 
 @pytest.mark.mujoco
@@ -362,6 +366,7 @@ def test_the_figure_has_a_panel_for_each_kind_of_number_and_at_most_six_curves(t
     axes = result.plot().axes
     assert [axis.get_ylabel().partition("\n")[0] for axis in axes] == [
         "largest reaction", "largest of the drive", "largest error by clearance", "largest error by clearance",
+        "worst case of clearance", "worst case of clearance",
     ]  # fmt: skip
     assert axes[-1].get_xlabel() == "drive.speed (rpm)"
     np.testing.assert_allclose(axes[0].lines[0].get_xdata(), [30.0, 60.0, 90.0])

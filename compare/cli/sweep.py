@@ -31,7 +31,8 @@ def answer(line: CommandLine, asks: Asks, question: type[Question], caught: Sequ
     """
     from compare.parametric import swept
 
-    files = ("sweep.json", "sweep.html", "sweep.csv", "sweep.svg")
+    judges = asks == "crosscheck" or line.has("limit") or line.has("min_yield")
+    files = ("sweep.json", "sweep.html", "sweep.csv", "sweep.svg", *["junit.xml"] * judges)
     folder = line.folder(f"{line.stem}-{asks}", *files)
     options = line.arguments(question)
     options.pop("mechanism", None)
@@ -40,6 +41,7 @@ def answer(line: CommandLine, asks: Asks, question: type[Question], caught: Sequ
     result = write(lambda: swept(asked), caught, folder)
     failures = [point for point in result.points if point.failure]
     if len(failures) == len(result.points):
+        line.tests.clear()  # they have the reason of each point
         status = Exit.SIMULATOR_FAILED if failures[0].engine_failed else Exit.BAD_INPUT
         raise stop(f"no point has an answer, the first because {failures[0].failure}", status)
     if any(point.engine_failed for point in result.points):

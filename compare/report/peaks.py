@@ -13,10 +13,10 @@ from typing import Protocol
 import numpy as np
 
 from analytic.mechanism import Load, Mechanism
-from analytic.mechanism.parts import GROUND, TINY
+from analytic.mechanism.parts import TINY
 from analytic.mechanism.signals import continued, wrapped
 from compare.limits import STROKE
-from compare.quantities import Quantity, drive_signals, plain, quantities, shown
+from compare.quantities import Quantity, drive_signals, going, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Simulation
 from compare.results.looked_at import ByClearance
@@ -225,12 +225,10 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
         return
     known, x = quantities(m), over(result).values
     turns = max(1, round(abs(x[-1] - x[0]) / 360))
-    for joint in (joint for joint in m.joints if GROUND in joint.bodies and m.driven not in joint.bodies):
-        body = next(name for name in joint.bodies if name != GROUND)
-        name, what = (f"position_{joint.name}", joint.name) if joint.prismatic else (f"{body}_angle", body)
+    for what, name in going(m).items():
         values = result.signals[name][np.isfinite(result.signals[name])]
         way = np.diff(values, append=values[:1])
-        way = np.sign(way if joint.prismatic else wrapped(way))
+        way = np.sign(wrapped(way) if result.kinds[name].unit == "rad" else way)
         way = way[way != 0]
         if np.sum(way != np.roll(way, 1)) == 2 * turns and f"{STROKE}{what}" in result.extremes:
             ends = peak(result, known[name], f"{STROKE}{what}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from rich.console import Console
 
 from analytic.mechanism.model import as_written
 from analytic.mechanism.one_line import count
+from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import DASH, plain, shown
 from compare.report.analysis_figures import MOST_CURVES, ROLES
@@ -22,6 +23,8 @@ from compare.report.figure import Figure as Drawing
 from compare.report.pages import PageSection, charts, figures_context, page, warnings_context
 from compare.report.svg import HEIGHT, WIDTH, draw, picture
 from compare.report.tables import html_table, print_rows, say
+from compare.report.words.limits import sentence
+from compare.results.analysis import Limit
 from compare.results.sweep import FieldValue, Sweep, SweptPoint
 
 if TYPE_CHECKING:
@@ -31,20 +34,29 @@ TITLES = {
     "asked": "largest of what is asked for",
     "reaction": "largest reaction",
     "drive": "largest of the drive",
+    "rms": "root mean square",
+    "mean": "mean",
+    "stroke": "stroke",
+    "transmission": "least transmission angle",
+    "limited": "number with a limit",
     "error": "largest error by clearance",
     "worst_case": "worst case of clearance",
     "yield": "linkages within the limits",
     "limit": "limits broken",
     "share": "largest difference over its tolerance",
 }
+IN_FILE = ("rms", "mean", "stroke", "transmission")  # not on a terminal, nor drawn, where nothing limits them
+ORDER = ("broken", "unknown", "holds")  # verdicts on limits, the worst first
 WIDEST = 8  # numbers of a row on a terminal; the others are in the file
 NUMBERS = re.compile(r" \([^()]*\)|^no answer at [^:]*: ")  # of a reason
 LONGEST_WHY = 60  # characters of a reason in a table
 
 
 def files(result: Sweep) -> dict[str, str]:
-    """The page, the rows for other programs, and the figure."""
-    return {"sweep.html": _page(result), "sweep.csv": result.to_csv(), "sweep.svg": figure(result)}
+    """The page, the rows for other programs, the figure, and a JUnit file of what is judged."""
+    suites = judged(result)
+    tests = {"junit.xml": junit_xml(f"{result.case} over {_over(result)}", suites, result.file)} if suites else {}
+    return {"sweep.html": _page(result), "sweep.csv": result.to_csv(), "sweep.svg": figure(result)} | tests
 
 
 def _page(result: Sweep) -> str:
@@ -52,7 +64,8 @@ def _page(result: Sweep) -> str:
     context = figures_context(drawn, {each.name: draw(each) for each in drawn}) | warnings_context(result.warnings)
     context |= {
         "result": result,
-        "fields": " and ".join(field.name for field in result.fields),
+        "fields": _over(result),
+        "limits": list(limits(result)),
         "headline": repr(result).removeprefix(f"Sweep({result.case}, ").removesuffix(")"),
         "heads": heads,
         "rows": rows,
@@ -70,6 +83,67 @@ def _page(result: Sweep) -> str:
     )
 
 
+def _over(result: Sweep) -> str:
+    return " and ".join(field.name for field in result.fields)
+
+
+# ---------------------------------------------------------------- what is judged
+
+
+def judged(result: Sweep) -> list[JUnitSuite]:
+    """Each limit at each point as a test case, the yield, a cross-check, and what keeps a point from its whole answer;
+    nothing of a sweep that judges nothing.
+    """
+    cases = [case for point in result.points for case in _cases(result, point)] if result.judges else []
+    return [JUnitSuite(f"points of {_over(result)}", cases)] * bool(cases)
+
+
+def _cases(result: Sweep, point: SweptPoint) -> Iterator[JUnitCase]:
+    place = (result.case, _named(result, point.at))
+    for name, limit in point.limits.items():
+        said, broken = _said(result, name, limit), limit.verdict != "holds"
+        yield JUnitCase(place, name, said, said * broken, kind=limit.verdict, times=limit.times)
+    least, good = result.least_yield, point.numbers.get("yield")
+    if least and good is not None:
+        said = f"{100 * good:.4g} % of the linkages are within the limits, of {100 * least:.4g} % asked for"
+        yield JUnitCase(place, "yield", said, said * (good < least), kind="yield")
+    if point.verdict is not None:
+        said = _judgement(point)
+        failure, share = said * (point.verdict != "agrees"), point.numbers.get("share")
+        yield JUnitCase(place, "cross-check", said, failure, kind=point.verdict, times=share or 0.0)
+    if not point.whole:
+        yield JUnitCase(place, "answer", failure=point.remark, error=point.failure, kind="no whole answer")
+
+
+def _judgement(point: SweptPoint) -> str:
+    """The verdict of a cross-check, and the comparison nearest to its tolerance or farthest beyond it."""
+    verdict, largest, unit, tolerance, where = _judged(point)
+    return verdict.lower() + (f": {where}: {largest} {unit}, tolerance {tolerance}" if point.farthest else "")
+
+
+def limits(result: Sweep) -> Iterator[str]:
+    """Of each limit in a sentence: at how many points it is broken, and where it is so the most, or the nearest to it;
+    those that are broken first.
+    """
+    found: dict[str, list[tuple[Limit, SweptPoint]]] = {}
+    for point in result.points:
+        for name, limit in point.limits.items():
+            found.setdefault(name, []).append((limit, point))
+    first = {name: min((limit.verdict for limit, _ in those), key=ORDER.index) for name, those in found.items()}
+    for name, verdict in sorted(first.items(), key=lambda each: ORDER.index(each[1])):
+        those = [(limit, point) for limit, point in found[name] if limit.verdict == verdict]
+        limit, point = max(those, key=lambda each: each[0].times)
+        where = f"{verdict} at {len(those)} of {count(len(result.points), 'point')}"
+        yield f"{where}: {_said(result, name, limit)}, at {_named(result, point.at)}"
+
+
+def _said(result: Sweep, name: str, limit: Limit) -> str:
+    """What there is to say of a limit at a point."""
+    timed = any(column.group == "place" and column.unit == "s" for column in result.columns.values())
+    at = "" if limit.at is None else f"{plain(limit.at, 4)} s" if timed else f"{plain(np.degrees(limit.at), 4)} deg"
+    return sentence(name, limit, at)
+
+
 # ---------------------------------------------------------------- the table
 
 
@@ -82,6 +156,7 @@ def print_table(result: Sweep, console: Console) -> None:
         say(console, f"{count(hidden, 'more column')} in sweep.csv")
     for why, points in _reasons(result).items():
         say(console, f"{count(points, 'point')}: {why}")
+    say(console, *limits(result))
     say(console, repr(result))
 
 
@@ -103,22 +178,31 @@ def table(result: Sweep) -> tuple[list[str], list[list[str]]]:
 
 
 def main_columns(result: Sweep) -> list[str]:
-    """The columns of a terminal: each reaction and drive, the largest if there are too many, and of the errors the
-    largest of each unit.
+    """The columns of a terminal: what limits are of, each reaction and drive, the largest if there are too many, and of
+    the errors the largest of each unit.
     """
-    chosen: list[str] = []
+    limited, chosen = _limited(result), list[str]()
     for (group, _), names in kinds(result).items():
         chosen += names[: 1 if group in ("error", "worst_case") else WIDEST]
-    largest = sorted(chosen, key=lambda name: list(result.columns).index(name))
+    largest = [*limited, *sorted({*chosen} - {*limited}, key=list(result.columns).index)]
     return largest if len(largest) <= WIDEST else largest[: WIDEST - 2] + largest[-2:]
+
+
+def _limited(result: Sweep) -> list[str]:
+    """The columns that limits are of."""
+    asked = {name for point in result.points for name in point.limits}
+    return [name for name in result.columns if {name, name.removesuffix("_magnitude")} & asked]
 
 
 def kinds(result: Sweep) -> dict[tuple[str, str], list[str]]:
     """The columns of numbers that are not zero throughout, but for a yield, by what they are and their unit, the
-    largest first.
+    largest first; of what is for the file those with limits.
     """
     by_kind: dict[tuple[str, str], list[str]] = {}
+    limited = _limited(result)
     for name, column in result.columns.items():
+        if column.group in IN_FILE and name not in limited:
+            continue
         if column.group == "yield" or (size(result, name) > 0 and column.group != "place"):
             by_kind.setdefault((column.group, column.unit), []).append(name)
     return {kind: sorted(names, key=lambda name: -size(result, name)) for kind, names in by_kind.items()}
@@ -216,9 +300,9 @@ def _spaced(combinations: list[dict[str, int]]) -> list[dict[str, int]]:
     return [combinations[k] for k in chosen]
 
 
-def _named(result: Sweep, at: dict[str, int]) -> str:
+def _named(result: Sweep, at: Mapping[str, int]) -> str:
     fields = {field.name: field for field in result.fields}
-    return ", ".join(f"{n} {said(fields[n].written[k])} {fields[n].written_unit}".strip() for n, k in at.items())
+    return ", ".join(f"{n} = {said(fields[n].written[k])} {fields[n].written_unit}".strip() for n, k in at.items())
 
 
 def _curve(result: Sweep, name: str, factor: float, at: dict[str, int]) -> list[float | None]:
@@ -270,4 +354,4 @@ def drawings(result: Sweep) -> Iterator[Drawing]:
         yield Drawing(f"sweep_{k}", title, f"Over {field.name}.", *axes, tuple(series))
 
 
-PRESENTATION = Presentation(summary_html, print_table, files, plot)
+PRESENTATION = Presentation(summary_html, print_table, files, plot, judged=judged)

@@ -8,12 +8,28 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, JsonValue
 
 from analytic.mechanism.one_line import count
+from compare.results.analysis import Limit
 from compare.results.crosscheck import Verdict
 from compare.results.document import Document, Mechanism, Number, Part, Row, Text
 
 Asks = Literal["analyse", "accuracy", "platform_accuracy", "crosscheck"]
 FieldValue = float | str
-Group = Literal["asked", "reaction", "drive", "place", "error", "worst_case", "yield", "limit", "share"]
+Group = Literal[
+    "asked",
+    "reaction",
+    "drive",
+    "place",
+    "rms",
+    "mean",
+    "stroke",
+    "transmission",
+    "error",
+    "worst_case",
+    "limited",
+    "yield",
+    "limit",
+    "share",
+]
 
 
 class SweptField(Part):
@@ -55,6 +71,7 @@ class SweptPoint(Part):
 
     at: Annotated[Mapping[str, int], Field(description="By field, which of its values.")]
     numbers: Annotated[Mapping[str, Number], Field(description="By column; null where there is no number.")] = {}
+    limits: Annotated[Mapping[str, Limit], Field(description="By name, where limits were asked for.")] = {}
     verdict: Annotated[Verdict | None, Field(description="Of a cross-check.")] = None
     farthest: Farthest | None = None
     failure: Annotated[str, Field(description="Why there is no answer here.")] = ""
@@ -96,12 +113,21 @@ class Sweep(Document):
         return all(point.whole and point.verdict in (None, "agrees") for point in self.points) and not self.poor
 
     @property
+    def judges(self) -> bool:
+        """Whether its points are held to limits, to a yield or to a simulation."""
+        return self.asks == "crosscheck" or any(self.options.get(name) is not None for name in ("limits", "min_yield"))
+
+    @property
     def poor(self) -> int:
         """How many points have a limit that is broken, or less than the yield that was asked for."""
-        asked = self.options.get("min_yield")
-        least = asked if isinstance(asked, float) else 0.0
         numbers = [point.numbers for point in self.points]
-        return sum((each.get("yield") or 0.0) < least or bool(each.get("broken")) for each in numbers)
+        return sum((each.get("yield") or 0.0) < self.least_yield or bool(each.get("broken")) for each in numbers)
+
+    @property
+    def least_yield(self) -> float:
+        """The share of good linkages that was asked for; 0 where none was."""
+        asked = self.options.get("min_yield")
+        return asked if isinstance(asked, float) else 0.0
 
     def rows(self) -> list[Row]:
         """A row for each point: the fields' values, its numbers, its verdict, and what is missing."""

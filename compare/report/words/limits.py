@@ -31,20 +31,28 @@ def facts(result: Limited) -> dict[str, str]:
 def limits(result: Limited) -> list[tuple[str, Limit, str]]:
     """Each limit by its name, with what there is to say of it in a sentence; those that hold at the end."""
     ordered = sorted(result.limits.items(), key=lambda item: item[1].verdict == "holds")
-    return [(name, limit, f"{name} {_said(result, limit)}") for name, limit in ordered]
+    x = over(result)
+    at = {name: "" if each.at is None else f"{plain(place(result, each.at), 4)} {x.unit}" for name, each in ordered}
+    of = count(len(x.values), "sample")
+    return [(name, limit, sentence(name, limit, at[name], of)) for name, limit in ordered]
 
 
-def _said(result: Limited, limit: Limit) -> str:
+def sentence(name: str, limit: Limit, at: str, of: str = "") -> str:
+    """What there is to say of a limit, whose value is ``at`` a place, ``of`` so many samples."""
+    return f"{name} {_said(limit, f' at {at}' * bool(at), of)}"
+
+
+def _said(limit: Limit, at: str, of: str) -> str:
     unit, factor = shown(limit.unit)
     unit = unit.replace("·", ".")
     of_size = limit.largest is not None and limit.least == -limit.largest
     end = abs(limit.bound) if of_size else limit.bound
     bound = f"its limit of {plain(factor * end, DIGITS)} {unit}"
-    at = "" if limit.at is None else f" at {plain(place(result, limit.at), 4)} {over(result).unit}"
     value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)} {unit}{at}, "
     if limit.verdict == "unknown":
-        missing = f"{limit.missing} of {count(len(over(result).values), 'sample')}"
-        return f"{value}{'and ' if value else ''}has no answer at {missing}: {bound} is not known to hold"
+        missing = f"at {limit.missing} of {of}" if of else f"at {count(limit.missing, 'sample')}"
+        where = missing if limit.missing else "between samples"
+        return f"{value}{'and ' if value else ''}has no answer {where}: {bound} is not known to hold"
     if limit.verdict == "holds" and not (limit.least is None or limit.largest is None or of_size):
         return f"{value}within {plain(factor * limit.least, DIGITS)} to {plain(factor * limit.largest, DIGITS)} {unit}"
     if limit.verdict == "holds":
