@@ -124,7 +124,17 @@ def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     series = {TRANSMISSION: angle} | errors(result.errors) | dict(result.signals)
     places = result.crank_angle if result.time is None else result.time
     extremes = {**result.extremes, **between(errors(result.errors), places)}
-    return {name: _limit(known[name], both, series, places, extremes) for name, both in bounds.items()}
+    found = {name: _limit(known[name], both, series, places, extremes) for name, both in bounds.items()}
+    return {name: each.model_copy(update=_basis(result, known[name])) for name, each in found.items()}
+
+
+def _basis(result: Analysis, of: Limitable) -> dict[str, object]:
+    """What a number is of, where that is not the whole turn, or not the linkage as it is."""
+    theta, throughout = result.crank_angle, of.of == "throughout" and of.alone != "either"
+    part = not throughout and result.time is None and not whole_turn(theta)
+    over = {"over": (float(theta.min()), float(theta.max()))} if part and theta.size else {}
+    ideal = of.signal.startswith(STROKE) and bool(result.clearance)
+    return over | ({"without_clearance": True} if ideal else {})
 
 
 def limits_of_errors(result: Accuracy, bounds: Mapping[str, Bounds]) -> dict[str, Limit]:

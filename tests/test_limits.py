@@ -237,6 +237,19 @@ def test_the_stroke_of_a_slide_is_two_cranks() -> None:
         lc.analyse("slider-crank", limits=["reaction_B"])  # type: ignore[arg-type]
 
 
+def test_a_stroke_says_that_it_is_without_clearance_and_of_which_part_of_the_turn(tmp_path: Path) -> None:
+    asked = ("crank-rocker", "--clearance", "B=0.1mm", "--limit", "stroke_follower=:70deg,mean_drive_torque=1N.m")
+    model = ("--model", "first_order")
+    whole = compare(*asked, *model, "--out", "whole", cwd=tmp_path)
+    assert "stroke of follower: 65.15 deg without clearance, 201.1 deg one way" in whole.stdout
+    assert "holds: stroke_follower is 65.148 deg without clearance, within its limit of 70 deg" in whole.stdout
+    part = compare(*asked, *model, "--angles", "0:90:5", "--out", "part", cwd=tmp_path)
+    assert "deg without clearance between 0 and 90 deg, within its limit of 70 deg" in part.stdout
+    assert "N.m between 0 and 90 deg, within its limit of 1 N.m" in part.stdout
+    tight = lc.analyse("crank-rocker", limits={"stroke_follower": ":70deg"})
+    assert "without clearance" not in tight.judgements()[0].cases[0].said
+
+
 def test_an_error_by_clearance_is_looked_for_between_the_samples() -> None:
     """Of samples 5 degrees apart, to what samples 0.1 degrees apart have: more than any of the first ones."""
     close = lc.accuracy("crank-rocker", clearance=1e-4, angles="0:359.9:0.1", samples=2).outputs["coupler_x"].worst_case

@@ -234,7 +234,8 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
             ends = peak(result, known[name], f"{STROKE}{what}")
             up = (ends.highest.at - ends.lowest.at) % 360
             long, short = max(up, 360 - up), min(up, 360 - up)
-            travel = f"{plain(ends.highest.value - ends.lowest.value, 4)} {known[name].unit}"
+            ideal = " without clearance" * bool(result.clearance)
+            travel = f"{plain(ends.highest.value - ends.lowest.value, 4)} {known[name].unit}{ideal}"
             yield (
                 what,
                 f"{travel}, {plain(long, 4)} deg one way, {plain(short, 4)} deg back ({long / short:.2f}:1)",

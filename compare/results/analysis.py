@@ -148,6 +148,13 @@ class Limit(Part):
     value: Annotated[Number, Field(description="Null where the model has no answer.")]
     at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times; null of a stroke.")]
     missing: Annotated[int, Field(ge=0, description="Samples without an answer.")]
+    over: Annotated[
+        tuple[float, float] | None,
+        Field(description="Crank angles (rad) between which a stroke, mean or rms is; null of a whole turn."),
+    ] = None
+    without_clearance: Annotated[
+        bool, Field(description="Whether a linkage with clearance was looked at without it, as of strokes.")
+    ] = False
     verdict: Literal["holds", "broken", "unknown"]
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -48,7 +49,11 @@ def _said(limit: Limit, at: str, of: str) -> str:
     of_size = limit.largest is not None and limit.least == -limit.largest
     end = abs(limit.bound) if of_size else limit.bound
     bound = f"its limit of {plain(factor * end, DIGITS)} {unit}"
-    value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)} {unit}{at}, "
+    if limit.over is not None:
+        low, high = (plain(math.degrees(end), 4) for end in limit.over)
+        at = f" between {low} and {high} deg"
+    ideal = " without clearance" * limit.without_clearance
+    value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)} {unit}{ideal}{at}, "
     if limit.verdict == "unknown":
         missing = f"at {limit.missing} of {of}" if of else f"at {count(limit.missing, 'sample')}"
         where = missing if limit.missing else "between samples"
