@@ -327,9 +327,11 @@ def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
     (highest, highest_at), (lowest, lowest_at) = _utmost(ends, name, looks)
     x, values = _in_order(name, looks)
     x, values = x[np.isfinite(values)], values[np.isfinite(values)]
-    most = (2 + ROUNDING) * (looks[0][0][1] - looks[0][0][0])
-    missing = max(np.diff(x).max(), np.ptp(looks[0][0]) - np.ptp(x)) if x.size > 1 else np.inf
-    mean, square = (integral(values**n, x) / np.ptp(x) if missing < most else np.nan for n in (1, 2))
+    first = looks[0][0]
+    edges = np.concatenate([first[:1], x, first[-1:]])
+    k = int(np.argmax(np.diff(edges)))
+    missing = edges[k + 1] - edges[k] > (2 + ROUNDING) * (first[1] - first[0])
+    mean, square = (np.nan if missing else integral(values**n, x) / np.ptp(x) for n in (1, 2))
     return Extremes(
         highest=highest,
         highest_at=highest_at,
@@ -337,6 +339,7 @@ def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
         lowest_at=lowest_at,
         mean=float(mean),
         rms=float(np.sqrt(square)),
+        gap=(float(edges[k]), float(edges[k + 1])) if missing else None,
     )
 
 

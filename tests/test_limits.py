@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,6 +15,7 @@ import linkage_crosscheck as lc
 from commands import assert_refused, compare
 from compare.faults import ArgumentError
 from compare.report.sweep import table
+from compare.results.analysis import Analysis
 
 CRANK, COUPLER, FOLLOWER, GROUND = 0.05, 0.12, 0.10, 0.12  # m, of the shipped crank-rocker
 
@@ -248,6 +250,21 @@ def test_a_stroke_says_that_it_is_without_clearance_and_of_which_part_of_the_tur
     assert "N.m between 0 and 90 deg, within its limit of 1 N.m" in part.stdout
     tight = lc.analyse("crank-rocker", limits={"stroke_follower": ":70deg"})
     assert "without clearance" not in tight.judgements()[0].cases[0].said
+
+
+def test_where_there_is_no_answer_says_why_there_is_no_mean_and_no_rms(tmp_path: Path) -> None:
+    done = compare(
+        "crank-rocker", "--clearance", "B=0.1mm", "--limit", "rms_drive_torque=1N.m", "--out", "out", cwd=tmp_path
+    )
+    why = re.search(r"no mean and no RMS of drive torque: (no answer from (\S+) to (\S+) deg)", done.stdout)
+    assert why is not None
+    assert why[1] in (tmp_path / "out" / "analysis.html").read_text(encoding="utf-8")
+    result = Analysis.read(tmp_path / "out" / "analysis.json")
+    first, last = map(float, why.groups()[1:])
+    inside = [k for k, angle in enumerate(np.degrees(result.crank_angle)) if first + 0.1 < angle < last - 0.1]
+    assert inside
+    assert np.all(np.isnan(result.signals["drive_torque"][inside]))
+    assert result.limits["rms_drive_torque"].verdict == "unknown"
 
 
 def test_an_error_by_clearance_is_looked_for_between_the_samples() -> None:

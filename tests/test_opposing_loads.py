@@ -183,7 +183,7 @@ def test_a_stroke_is_known_whatever_loads_and_clearance_leave_without_an_answer_
     for m in (shaper(cut), shaper(cut).with_clearances({"A": 5e-5, "Q": 5e-5})):
         result = lc.analyse(m, angles=np.sort(angles), limits={"stroke_S": "353:354 mm"})
         assert result.flags
-        assert dict(strokes(result)) == alone
+        assert {name: said.replace(" without clearance", "") for name, said in strokes(result)} == alone
         assert result.limits["stroke_S"].verdict == "holds"
     given = lc.analyse(shaper(cut), motion="static").extremes["drive_torque"].mean
     assert given == pytest.approx(2 * 400.0 * travel / (2 * np.pi), rel=2e-3)  # of both strokes

@@ -8,7 +8,7 @@ from compare.ci import JUnitCase, JUnitSuite, junit_xml
 from compare.presentation import Presentation
 from compare.quantities import plain
 from compare.report import analysis_page
-from compare.report.peaks import GOOD, effective, error_peaks, mean_torque, over, poor, power_ends, strokes
+from compare.report.peaks import GOOD, effective, error_peaks, mean_torque, over, poor, power_ends, strokes, unaveraged
 from compare.report.sides import plot, plot_signals, print_peaks, said, summary_html
 from compare.report.tables import print_rows, say
 from compare.report.toleranced import print_signals
@@ -60,6 +60,7 @@ def print_table(result: Analysis, console: Console) -> None:
         power += f", in the mean {plain(mean * speed, 4)} W" if power and mean is not None else ""
         told.append(f"{plain(speed / RPM, 5)} rpm ({plain(speed, 4)} rad/s){power}")
     told += [f"RMS of {q.label} {plain(rms, 4)} {q.unit.replace('·', '.')}" for q, rms in effective(result)]
+    told += [f"no mean and no RMS of {q.label}: {why}" for q, why in unaveraged(result)]
     if told:
         say(console, f"drive: {', '.join(told)}")
     for joint, stroke in strokes(result):

@@ -28,6 +28,7 @@ from compare.report.peaks import (
     strokes,
     transmission_angle,
     unanswered,
+    unaveraged,
 )
 from compare.report.svg import draw
 from compare.report.words import limits
@@ -75,6 +76,7 @@ def _facts(result: Analysis) -> dict[str, str]:
         work = mean * 2 * np.pi * np.sign(m.speed)
         facts["Mean power of the drive"] = f"{number(mean * m.speed, 4)} W, {number(work, 4)} J a turn"
     facts |= {f"RMS of {q.label}": f"{number(rms, 4)} {q.unit}" for q, rms in effective(result)}
+    facts |= {f"Mean and RMS of {q.label}": why for q, why in unaveraged(result)}
     facts |= {f"Stroke of {joint}": stroke for joint, stroke in strokes(result)}
     angle = transmission_angle(result)
     if angle is not None and np.nanmin(angle) < 89.9:

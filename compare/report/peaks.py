@@ -18,7 +18,7 @@ from analytic.mechanism.signals import continued, wrapped
 from compare.limits import STROKE
 from compare.quantities import Quantity, drive_signals, going, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
-from compare.results.analysis import Analysis, Simulation
+from compare.results.analysis import Analysis, Extremes, Simulation
 from compare.results.looked_at import ByClearance
 
 NOTHING = 1e-9  # of what belongs to it (a reaction, a length): smaller is rounding
@@ -253,11 +253,27 @@ def mean_torque(result: Analysis) -> float | None:
 
 def effective(result: Analysis) -> Iterator[tuple[Quantity, float]]:
     """The root mean square, in the quantity's unit, of what each drive gives over a turn or over time, where known."""
+    for quantity, found in _averaged(result):
+        if found.rms is not None:
+            yield quantity, quantity.factor * found.rms
+
+
+def unaveraged(result: Analysis) -> Iterator[tuple[Quantity, str]]:
+    """What each drive gives whose mean and root mean square are not known over a turn or over time, with where the
+    model has no answer.
+    """
+    unit = over(result).unit
+    for quantity, found in _averaged(result):
+        if found.gap is not None:
+            first, last = (plain(place(result, end), 4) for end in found.gap)
+            yield quantity, f"no answer from {first} to {last} {unit}"
+
+
+def _averaged(result: Analysis) -> Iterator[tuple[Quantity, Extremes]]:
     x, given = over(result), drive_signals(result.mechanism)
     for quantity in (each.quantity for each in peaks(result) if x.around or x.of_time):
-        found = result.extremes.get(quantity.signal) if quantity.signal in given else None
-        if found is not None and found.rms is not None:
-            yield quantity, quantity.factor * found.rms
+        if quantity.signal in given and quantity.signal in result.extremes:
+            yield quantity, result.extremes[quantity.signal]
 
 
 def power_ends(result: Analysis | Simulation) -> dict[str, list[End]]:

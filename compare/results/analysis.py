@@ -137,6 +137,9 @@ class Extremes(Part):
     lowest_at: Annotated[Number, Field(description="Crank angle (rad); time (s) where there are times.")]
     mean: Annotated[Number, Field(description="Over the crank angle or time; null where there is a gap.")] = None
     rms: Annotated[Number, Field(description="Root mean square, as the mean: what a motor is sized by.")] = None
+    gap: Annotated[
+        tuple[float, float] | None, Field(description="The widest one without an answer, where mean and rms are null.")
+    ] = None
 
 
 class Limit(Part):
