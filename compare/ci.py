@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
-from compare.files import NOT_XML, escape_markdown, relative
+from analytic.writing import OutputError, write_atomically
+from compare.files import NOT_XML, escape_markdown, made_folder, relative
 
 MOST_ANNOTATIONS = 10  # errors of one step that GitHub shows
 NO_ANSWER = "compare without an answer"  # what tests are called where a command had none
@@ -19,7 +20,7 @@ SOURCES = ("measured", "results", "case", "rig", "result")  # options that name 
 @dataclass(frozen=True)
 class JUnitCase:
     """One judgement: what is ``said`` of it, or the ``failure`` or ``error`` (a sentence each) that it has, of some
-    ``kind``.
+    ``kind``, or why it was ``skipped``.
 
     ``place`` is what it belongs to, from large to small.  ``look`` is a command that shows it, with ``{file}`` for the
     result's JSON file, ``times`` how many times its tolerance a difference is (infinite of a verdict on all of them),
@@ -35,6 +36,7 @@ class JUnitCase:
     look: str = ""
     times: float = 0.0
     file: str = ""
+    skipped: str = ""
 
     @property
     def title(self) -> str:
@@ -70,6 +72,17 @@ def no_answer(command: str, why: str, kind: str) -> str:
     return junit_xml(NO_ANSWER, [JUnitSuite(command, [case])], "")
 
 
+def record_no_answer(path: Path, command: str, why: str, kind: str) -> None:
+    """Write that into a JUnit file, so that none of an earlier answer is taken for this one; not over another file, and
+    not where nothing can be written.
+    """
+    with suppress(OSError, UnicodeDecodeError, OutputError):
+        if os.path.lexists(path) and "<testsuites " not in path.read_text(encoding="utf-8"):
+            return
+        with made_folder(path.parent):
+            write_atomically(path, no_answer(command, why, kind))
+
+
 def is_no_answer(path: Path) -> bool:
     """Whether a file is such JUnit XML, which the next answer may replace."""
     try:
@@ -103,7 +116,7 @@ def summed_up(suites: Sequence[JUnitSuite]) -> str:
     """The verdict in a line: how many cases are wrong, and what is the worst or, where none is, the nearest to that;
     empty of what judges nothing.
     """
-    cases, bad = [case for suite in suites for case in suite.cases], wrong(suites)
+    cases, bad = [case for suite in suites for case in suite.cases if not case.skipped], wrong(suites)
     if not cases:
         return ""
     first = max(bad or cases, key=lambda case: case.times)
@@ -162,9 +175,9 @@ def _escaped(text: str, more: str = "") -> str:
 def _add(suite: ElementTree.Element, case: JUnitCase, file: str) -> None:
     place = ".".join(part.replace(".", "_") for part in case.place)  # a dot begins a package
     element = ElementTree.SubElement(suite, "testcase", _clean({"classname": place, "name": case.title}))
-    for tag, words in (("failure", case.failure), ("error", case.error)):
+    for tag, words in (("failure", case.failure), ("error", case.error), ("skipped", case.skipped)):
         if words:
-            attributes = _clean({"message": words, "type": case.kind})
+            attributes = _clean({"message": words} | ({} if case.skipped else {"type": case.kind}))
             where = ", in this file's folder" if "{file}" in case.look else ""
             look = f"\nto look at it{where}: {case.look.replace('{file}', file)}" * bool(case.look)
             ElementTree.SubElement(element, tag, attributes).text = _text(words + look)
@@ -173,8 +186,9 @@ def _add(suite: ElementTree.Element, case: JUnitCase, file: str) -> None:
 
 
 def _counts(cases: Sequence[JUnitCase]) -> dict[str, str]:
-    counts = (len(cases), sum(bool(case.failure) for case in cases), sum(bool(case.error) for case in cases))
-    return dict(zip(("tests", "failures", "errors"), map(str, counts), strict=True))
+    kinds = {"failures": "failure", "errors": "error", "skipped": "skipped"}
+    counts = {tag: sum(bool(getattr(case, kind)) for case in cases) for tag, kind in kinds.items()}
+    return {name: str(number) for name, number in ({"tests": len(cases)} | counts).items()}
 
 
 def _clean(attributes: dict[str, str]) -> dict[str, str]:

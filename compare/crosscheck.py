@@ -411,7 +411,7 @@ def run_all(
 def _not_ended(simulator: str, request: Request) -> Failure:
     """A run that was not waited for."""
     why = f"{simulator} {request.joint_model} {request.motion}: stopped before it ended"
-    return Failure(simulator=simulator, joint_model=request.joint_model, why=why)
+    return Failure(simulator=simulator, joint_model=request.joint_model, why=why, stopped=True)
 
 
 def quicker(job: Job, tasks: Sequence[Task]) -> list[str]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import re
 import shlex
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from unittest import mock
 from xml.etree import ElementTree
 
 import pytest
@@ -101,6 +103,31 @@ def test_bad_input_leaves_one_error_in_the_junit_file_which_the_next_answer_repl
     fine = commands.compare("check", "one/signals.csv", "--motion", "static", "--out", "out", "-q", cwd=job)
     assert fine.returncode == 0, fine.stderr
     assert not list(ElementTree.parse(job / "out" / "junit.xml").iter("error"))
+
+
+@pytest.mark.parametrize("spoilt", ["another command", "a word", "an interrupt", "no linkage"])
+def test_no_earlier_junit_file_is_left_where_a_command_in_a_ci_has_no_answer(spoilt: str, job: Path) -> None:
+    line = ["analyse", "--case", "linkages/my, linkage.toml", "--limit", "reaction_B=1GN", "--out", "out", "-q"]
+    assert commands.compare(*line, cwd=job).returncode == 0
+    fault: AbstractContextManager[object] = nullcontext()
+    if spoilt == "an interrupt":
+        fault = mock.patch("compare.analyse._side", side_effect=KeyboardInterrupt)
+    elif spoilt == "no linkage":
+        (job / "linkages" / "my, linkage.toml").write_text("[[joint]]", encoding="utf-8")
+    else:
+        line += ["--limit", "reaction_D=1GN"] if spoilt == "another command" else ["--nonsense"]
+    with fault:
+        done = commands.compare(*line, cwd=job)
+    assert done.returncode == (130 if spoilt == "an interrupt" else 2)
+    (error,) = ElementTree.parse(job / "out" / "junit.xml").iter("error")
+    assert error.get("message", "") in done.stderr
+
+
+def test_a_file_that_is_no_junit_file_keeps_what_it_has_where_a_command_has_no_answer(job: Path) -> None:
+    (job / "out").mkdir()
+    (job / "out" / "junit.xml").write_text("<model/>", encoding="utf-8")
+    assert commands.compare("crank-rocker", "--limit", "reaction_B=1N", "--out", "out", cwd=job).returncode == 2
+    assert (job / "out" / "junit.xml").read_text(encoding="utf-8") == "<model/>"
 
 
 @pytest.mark.parametrize(

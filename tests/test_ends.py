@@ -13,6 +13,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest import mock
+from xml.etree import ElementTree
 
 import pytest
 
@@ -137,7 +138,12 @@ def test_a_cross_check_that_is_stopped_reports_the_runs_that_had_ended(tmp_path:
         (model, f"mujoco {model} static: stopped before it ended") for model in ("spring-damper", "contact")
     ]
     assert result["verdict"] != "agrees"
-    assert (tmp_path / "out" / "report.html").exists()
+    assert "not judged: mujoco contact static: stopped before it ended" in done.stdout
+    assert "2 of 4 runs were stopped before the end." in done.stdout
+    suites = ElementTree.parse(tmp_path / "out" / "junit.xml").getroot()
+    assert (suites.get("failures"), suites.get("errors"), suites.get("skipped")) == ("0", "0", "2")
+    assert {each.get("message") for each in suites.iter("skipped")} == {one["why"] for one in result["failures"]}
+    assert "stopped before it ended" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.mujoco

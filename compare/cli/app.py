@@ -8,7 +8,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,9 +16,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from analytic.errors import Error
-from analytic.writing import write_atomically
-from compare.ci import head_summary, in_ci, is_no_answer, no_answer
+from compare.ci import head_summary, in_ci, record_no_answer
 from compare.cli.accuracy import accuracy
 from compare.cli.analyse import analyse, simulate
 from compare.cli.apply import apply_
@@ -133,10 +131,8 @@ def _record(said: str, command: str) -> None:
     judges = command in JUDGES or {"--limit", "--min-yield"} & {*after}
     in_folder = str(Path(after["--out"]) / "junit.xml") if judges and in_ci() and "--out" in after else ""
     file = after.get("--junit", in_folder)
-    if file and (is_no_answer(Path(file)) or not Path(file).exists()):
-        with suppress(OSError, Error):
-            Path(file).parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(Path(file), no_answer(command, said, Exit.BAD_INPUT.name.lower().replace("_", " ")))
+    if file:
+        record_no_answer(Path(file), command, said, Exit.BAD_INPUT.name.lower().replace("_", " "))
 
 
 app = typer.Typer(

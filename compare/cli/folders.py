@@ -46,12 +46,17 @@ def result_folder(
     is not of the same command, or is not there and one of the others is; the same command again, however it is written,
     may replace its own.
     """
-    folder = Path("reports") / _named(context, stem) if out is None else out
+    folder = default_folder(context, stem) if out is None else out
     refuse_inputs(context, (folder / name for name in (file, *beside)))
     if not overwrite:
         beside = [name for name in beside if not is_no_answer(folder / name)]
         check_replaceable(folder, file, beside, same_question(context), "--out", REMEDY)
     return folder
+
+
+def default_folder(context: typer.Context, stem: str) -> Path:
+    """The folder of a command's result where none is typed."""
+    return Path("reports") / _named(context, stem)
 
 
 def named_after(file: str | Path) -> str:

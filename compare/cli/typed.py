@@ -4,7 +4,7 @@ import inspect
 import io
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass
 from dataclasses import field as attribute
 from itertools import chain
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
-from analytic.writing import OutputError, write_atomically
-from compare.ci import in_ci, no_answer, source
-from compare.cli.folders import named_after, refuse_inputs, result_folder
+from analytic.writing import write_atomically
+from compare.ci import in_ci, record_no_answer, source
+from compare.cli.folders import default_folder, named_after, refuse_inputs, result_folder
 from compare.cli.publish import finished, put, show
 from compare.faults import Exit, OptionError, Stopped, complaints
 from compare.files import alone_in, made_folder
@@ -85,11 +85,9 @@ class CommandLine:
             with complaints(self.context, names) as caught:
                 yield caught
         except Stopped as stopped:
-            if stopped.exit_code != Exit.INTERRUPTED and (self.has("junit") or in_ci()):
-                for path in self.tests:
-                    with suppress(OutputError), made_folder(path.parent):
-                        kind = Exit(stopped.exit_code).name.lower().replace("_", " ")
-                        write_atomically(path, no_answer(self.context.command_path, stopped.why, kind))
+            for path in self.tests if self.has("junit") or in_ci() else ():
+                kind = Exit(stopped.exit_code).name.lower().replace("_", " ")
+                record_no_answer(path, self.context.command_path, stopped.why, kind)
             raise
 
     def has(self, name: str) -> bool:
@@ -121,12 +119,15 @@ class CommandLine:
         if isinstance(case, str) and not os.path.lexists(case):
             from analytic.mechanism.file import load
 
-            self.tests.extend(where.out / name for name in beside if where.out and name == "junit.xml")
+            self._expect(where.out, beside)
             load(case)
-            self.tests.clear()
-        folder = result_folder(self.context, stem, file, where.out, where.overwrite, beside)
-        self.tests.extend(folder / name for name in beside if name == "junit.xml")
-        return folder
+        folder = where.out or default_folder(self.context, stem)
+        self._expect(folder, beside)
+        return result_folder(self.context, stem, file, folder, where.overwrite, beside)
+
+    def _expect(self, folder: Path | None, files: Sequence[str]) -> None:
+        """A JUnit file among those of a folder is to have a fault."""
+        self.tests[:] = [folder / name for name in files if folder is not None and name == "junit.xml"]
 
     def answer(self, ask: Callable[[], D], caught: Sequence[str], folder: Path) -> D:
         """Ask, write what comes of it into a folder, and print it."""
@@ -183,6 +184,7 @@ class CommandLine:
 
         result = self.answer(ended, caught, folder)
         if stopped:
+            self.tests.clear()  # they have the runs that had ended
             raise KeyboardInterrupt(*stopped[0].args)
         for failure in result.failures:  # the status is theirs even where the others agree
             typer.echo(f"compare: {failure.why}", err=True)

@@ -67,6 +67,8 @@ def print_table(result: CrossCheck, console: Console) -> None:
         console.print(f"between engines: {result.words}")
     for failure in summary.failures:
         console.print(f"failed: {failure}")
+    for one in summary.stopped:
+        console.print(f"not judged: {one}")
     said = " ".join(filter(None, (why(summary), headline(summary, plain).translate(ASCII_UNITS))))
     console.print(Text.assemble((f"{result.case}: ", "bold"), _word(summary.verdict), f". {said}"))
 

@@ -28,7 +28,9 @@ def suites(summary: Summary) -> list[JUnitSuite]:
         JUnitCase((case, "simulation"), f"failure {i}", error=why, kind="simulation")
         for i, why in enumerate(summary.failures, 1)
     ]
-    return every + [JUnitSuite("simulations that failed", failed)] * bool(failed)
+    stopped = [JUnitCase((case, "simulation"), f"stopped {i}", skipped=why) for i, why in enumerate(summary.stopped, 1)]
+    every += [JUnitSuite("simulations that failed", failed)] * bool(failed)
+    return every + [JUnitSuite("simulations that were stopped", stopped)] * bool(stopped)
 
 
 def _cases(case: str, shown: ShownRun) -> list[JUnitCase]:

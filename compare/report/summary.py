@@ -145,7 +145,12 @@ class Summary:
     @property
     def failures(self) -> list[str]:
         """Why runs have no result."""
-        return [failure.why for failure in self.result.failures]
+        return [failure.why for failure in self.result.failures if not failure.stopped]
+
+    @property
+    def stopped(self) -> list[str]:
+        """What was not waited for."""
+        return [failure.why for failure in self.result.failures if failure.stopped]
 
     @property
     def spread(self) -> list[ShownDifference]:
@@ -187,7 +192,8 @@ def summarise(result: CrossCheck) -> Summary:
     runs = tuple(_shown(i, run, result.mechanism, signals) for i, run in enumerate(result.runs))
     contact = describe(result)
     speaks_against = any(pair.wrong for pair in contact.pairs) or any(run.verdict != "agrees" for run in result.runs)
-    verdict = "failed" if result.failures and not speaks_against else result.verdict
+    failed = any(not failure.stopped for failure in result.failures)
+    verdict = "failed" if failed and not speaks_against else result.verdict
     return Summary(result, verdict, runs, signals, contact)
 
 

@@ -262,6 +262,7 @@ class Failure(Part):
     joint_model: JointModel
     why: Text
     cause: Annotated[Cause | None, Field(description="What kind of failure it is, if that is known.")] = None
+    stopped: Annotated[bool, Field(description="Whether somebody did not wait for it.")] = False
 
     @property
     def unsupported(self) -> bool:

@@ -47,11 +47,21 @@ def headline(summary: Summary, say: Callable[..., str] = number) -> str:
     """
     if not summary.runs:
         return "No simulation came to its end: nothing was compared."
-    sentences = (*_sentences(summary.runs, len(summary.failures), say), summary.contact.headline(say))
+    sentences = (*_left(summary), *_sentences(summary.runs, say), summary.contact.headline(say))
     return " ".join(filter(None, sentences))
 
 
-def _sentences(runs: Sequence[ShownRun], failures: int, say: Callable[..., str]) -> Iterator[str]:
+def _left(summary: Summary) -> Iterator[str]:
+    """How many runs have no result."""
+    failed, stopped = len(summary.failures), len(summary.stopped)
+    of = count(failed + stopped + len(summary.runs), "run")
+    if failed:
+        yield f"{failed} of {of} failed."
+    if stopped:
+        yield f"{stopped} of {of} {'was' if stopped == 1 else 'were'} stopped before the end."
+
+
+def _sentences(runs: Sequence[ShownRun], say: Callable[..., str]) -> Iterator[str]:
     rows = [(shown.run, row) for shown in runs for row in shown.rows]
     wrong = [(run, row) for run, row in rows if row.verdict == "disagrees"]
     exceeding = [(run, row) for run, row in wrong if not row.reason]
@@ -60,8 +70,6 @@ def _sentences(runs: Sequence[ShownRun], failures: int, say: Callable[..., str])
     hidden = [(run, row) for run, row in rows if row.verdict == "unjudged"]
     known = len(rows) - len(wrong) - len(agreeing) - len(hidden)
     silent = [shown.run for shown in runs if shown.run.reason or not shown.rows]
-    if failures:
-        yield f"{failures} of {count(failures + len(runs), 'run')} failed."
     if silent:
         why = f"; {silent[0].title}: {silent[0].reason}" if silent[0].reason else ""
         yield f"Nothing could be compared in {len(silent)} of {count(len(runs), 'run')}{why}."
