@@ -19,6 +19,7 @@ from analytic.kinematics.motion import kinematics
 from analytic.mechanism import Load, Mechanism, MechanismError
 from analytic.mechanism.file import dumps, load, loads
 from analytic.paper.clearance import displaced
+from compare.quantities import quantities
 from compare.report.peaks import acting, strokes, together
 from engine_checks import CALM, agreed
 from engines_here import missing
@@ -288,6 +289,8 @@ def test_a_wiper_that_disagrees_says_where_its_pins_cross_and_agrees_at_rest() -
     ends = [math.acos((r**2 + 0.31**2 - 0.06**2) / (2 * r * 0.31)) for r in (0.34, 0.26)]  # of crank and coupler
     dead = [math.degrees(ends[0]), math.degrees(math.pi + ends[1])]
     assert all(0 <= float(at) - end <= 5.001 for at, end in zip(said.groups(), dead, strict=True)), (said[0], dead)
+    worst = max((d for d in run.discrepancies if d.verdict == "disagrees"), key=lambda d: d.share or 0.0)
+    assert f"; the {quantities(wiper)[worst.signal].label} is off at " in run.because.words
     assert "--motion static" in run.because.words
     assert still.verdict == "agrees"
 

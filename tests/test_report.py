@@ -149,6 +149,17 @@ def test_the_headline_names_the_worst_signal_or_the_closest(disagreeing: dict[st
     assert headline(replace(bad, runs=bad.runs[:1])).startswith("All ")
 
 
+def test_the_signal_that_a_headline_names_as_the_closest_is_in_the_table() -> None:
+    good = summarise(as_document(sample_result()))
+    run, shown = good.runs[-1], [quantity.signal for quantity in good.keys()]
+    hidden = next(row for row in run.rows if row.verdict == "agrees" and row.quantity.signal not in shown)
+    near = replace(hidden, maximum=0.999 * (hidden.tolerance or 0.0))
+    rows = tuple(near if row is hidden else row for row in run.rows)
+    near_one = replace(good, runs=(*good.runs[:-1], replace(run, rows=rows)))
+    assert f"Closest to it: {hidden.quantity.label}" in headline(near_one)
+    assert hidden.quantity.signal in [quantity.signal for quantity in near_one.keys()]
+
+
 def test_junit_fails_what_disagrees_with_its_numbers_and_passes_what_is_known(
     disagreeing: dict[str, Any], tmp_path: Path
 ) -> None:

@@ -27,7 +27,7 @@ from compare.report.junit import suites
 from compare.report.provenance import lines
 from compare.report.summary import summarise
 from compare.report.svg import COLOURS, draw
-from compare.report.words.contact import MEASURES, describe
+from compare.report.words.contact import MEASURES, PEAKS, PEAKS_APART, describe
 from compare.report.words.crosscheck import headline
 from compare.results.contact import STATISTICS, Statistic
 from compare.results.crosscheck import CrossCheck, Failure, Run
@@ -157,6 +157,8 @@ def test_a_statistic_that_disagrees_is_in_the_headline_the_page_and_the_junit_fi
     assert set(failed) == {one.statistic for one in wrong}
     peak = next(one for one in wrong if one.statistic == "peak_force")
     a, b = (f"{value:.3g}" for value in peak.values)
+    assert max(peak.values) > PEAKS_APART * min(peak.values)
+    assert PEAKS in " ".join(printed(disagreeing).split())
     assert f"peak force of B: {a} and {b} N, may differ by {peak.allowed:.3g}" in failed["peak_force"]
     disagreeing.write(tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -164,14 +166,14 @@ def test_a_statistic_that_disagrees_is_in_the_headline_the_page_and_the_junit_fi
     assert "statistics agree" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
-def test_what_is_not_judged_passes_and_its_reason_is_said_once(tmp_path: Path) -> None:
+def test_what_is_not_judged_is_skipped_and_its_reason_is_said_once(tmp_path: Path) -> None:
     result = rattling(turns=(24, 2))
     assert {one.verdict for one in result.statistics} == {"unjudged"}
     reason = result.statistics[0].reason
     assert reason == "there are too few revolutions for an interval"
     summary = summarise(result)
     suite = next(s for s in suites(summary) if s.title == "contact statistics")
-    assert all(f"not judged: {reason}" in case.said and not case.failure for case in suite.cases)
+    assert all(f"not judged: {reason}" in case.skipped and not case.failure for case in suite.cases)
     assert "No statistics of contact were judged between engines." in headline(summary)
     result.write(tmp_path)
     assert (tmp_path / "report.html").read_text(encoding="utf-8").count(f"not judged: {reason}") == 1

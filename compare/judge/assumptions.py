@@ -345,7 +345,8 @@ class Failing:
     ``cost`` is what it costs, in tolerances; ``give`` (m) how far the contact yields; ``worst`` the signal that the
     first order moves most, of those that it explains.  A pin that stays in contact ``swings`` along its rim; a block
     ``rocks`` on its walls, for a while or for ever.  Where a load opposes the motion, ``off`` are the angles (N,)
-    at which anything is out of tolerance, ``turned`` those by which a reaction has turned round.
+    at which the signal ``apart``, the farthest from its tolerance, is out of it, ``turned`` those by which a reaction
+    has turned round.
     """
 
     assumption: Assumption | Literal["unknown"]
@@ -355,6 +356,7 @@ class Failing:
     worst: str = ""
     swings: bool = False
     rocks: Literal["", "for a while", "for ever"] = ""
+    apart: str = ""
     off: np.ndarray | None = None
     turned: np.ndarray | None = None
 
@@ -373,7 +375,9 @@ def failing_assumption(run: Run, mechanism: Mechanism, tolerances: Tolerances, s
     for k in np.flatnonzero(np.any(np.isnan(angles), axis=0)):  # the model has no answer as the pin crosses there
         turned[k] = True
     turned[0] = turned[0] and whole_turn(run.crank_angle)
-    return replace(failing, off=~examined.agreeing, turned=turned)
+    off = [(excess(comparison), comparison.signal.name, ~within) for comparison, within in examined.verdicts]
+    _, apart, where = max(off, key=lambda each: each[0])
+    return replace(failing, apart=apart, off=where, turned=turned)
 
 
 def _failing(run: Run, mechanism: Mechanism, tolerances: Tolerances, schedule: Schedule) -> Failing | None:

@@ -64,6 +64,7 @@ def summary_html(result: CrossCheck) -> str:
         rows.append((shown.run.title, VERDICT_WORDS[shown.run.verdict], *cells, worst.at if worst else "-"))
     heads = ("run", "verdict", "largest share of its tolerance", "difference", "tolerance", "at")
     contact = [f"{'; '.join(runs)}: {sentence}" for sentence, _, runs in summary.contact.by_sentence]
+    contact += [summary.contact.caution] * bool(summary.contact.caution)
     contact += [f"statistics of {pair.title}: {pair.sentence}" for pair in summary.contact.pairs]
     return f"{verdict_html(summary)}{html_table(rows, heads)}{html_list(contact)}"
 

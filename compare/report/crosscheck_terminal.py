@@ -97,6 +97,8 @@ def _print_contact(contact: ContactShown, console: Console) -> None:
         shown = [(table.runs[k], *(_within(values[k]) for *_, values in columns)) for k in rows]
         if rows:
             print_rows(console, heads, shown, left=(first,), folded=(first,))
+    if contact.caution:
+        console.print(contact.caution)
     for pair in contact.pairs:
         console.print(f"statistics of {pair.title}: {pair.sentence}")
         for row in pair.wrong:

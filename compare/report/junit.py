@@ -53,12 +53,14 @@ def _case(place: tuple[str, ...], run: Run, row: ShownDiscrepancy) -> JUnitCase:
 
 
 def _compared(case: str, pair: EnginePair, row: ShownComparison) -> JUnitCase:
-    """A statistic of contact of two engines; what is not judged passes, and says why."""
+    """A statistic of contact of two engines; what is not judged is skipped, and says why."""
     place = (case, "-".join(pair.between), pair.joint_model, row.joint)
     said = row.sentence().translate(ASCII_UNITS)
     if row.verdict == "disagrees":
         return JUnitCase(place, row.measure.key, failure=said, kind="disagreement")
-    return JUnitCase(place, row.measure.key, said=f"{said}; not judged: {row.reason}" if row.reason else said)
+    if row.verdict == "unjudged":
+        return JUnitCase(place, row.measure.key, skipped=f"{said}; not judged: {row.reason}")
+    return JUnitCase(place, row.measure.key, said=said)
 
 
 def _contact(contact: ContactShown, run_title: str) -> str:

@@ -181,6 +181,8 @@ class Summary:
             or run.simulator.recorded
             or self.result.signals[row.quantity.signal].on_request
         }
+        nearest = max(rows, key=lambda each: (each[1].verdict == "agrees", each[1].share or 0.0), default=None)
+        more |= set() if nearest is None else {nearest[1].quantity.signal}  # a headline says it
         loose = any(shown.run.clearance for shown in self.runs)
         chosen = [s for s in key_signals(mechanism, joints, loose) if s in present]
         return [self.signals[s] for s in [*chosen, *(s for s in self.signals if s in more and s not in chosen)]]

@@ -22,6 +22,11 @@ FRICTION = f"energy that friction in the contact takes in a revolution, {RUBS}"
 RESTITUTION = "energy that the normal force takes in a revolution, less what the wall gives back"
 PEAK_RATIO = "largest force of the run over the ideal linkage's largest"
 LARGER = {"N": "kN", "mN·s": "N·s", "mm/s": "m/s", "mJ": "J", "N·mm": "N·m", "µm": "mm"}  # units of a thousand each
+PEAKS_APART = 1.3  # times another run's peak force, beyond which one asks which of them to quote
+PEAKS = (
+    "peak forces of impacts are those of each engine's law, stiffness and step of contact: quote the RMS force and the"
+    " impulse of impacts, or name one contact_law and contact_stiffness for all"
+)
 LEAST_TO_REPEAT = 5  # revolutions, below which nothing tells whether a motion repeats itself
 ASCII_UNITS = str.maketrans({"·": ".", "µ": "u", "\u2212": "-"})  # of units
 BALANCED = 0.001  # per cent of an energy: what is missing below is nothing
@@ -240,6 +245,17 @@ class ContactShown:
         for measure, _ in (row for table in self.tables for row in table.rows):
             by_meaning.setdefault(measure.meaning, measure)
         return list(by_meaning.values())
+
+    @property
+    def caution(self) -> str:
+        """What to quote where the peaks of impacts are far apart; empty where they are not."""
+        struck = {run.run for run in self.runs if run.contact.struck}
+        for table in self.tables:
+            shown = zip(table.runs, table.of("peak_force")[1], strict=True)
+            peaks = [peak.value for title, peak in shown if title in struck and peak.value]
+            if peaks and max(peaks) > PEAKS_APART * min(peaks):
+                return PEAKS
+        return ""
 
     def headline(self, say: Callable[..., str] = number) -> str:
         """What two engines' statistics say of each other, in a sentence; empty where nothing was held together."""

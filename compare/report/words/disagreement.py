@@ -21,12 +21,14 @@ def because(run: Run, mechanism: Mechanism, failing: Failing) -> Because:
     return Because(
         assumption=failing.assumption,
         joint=failing.joint,
-        words=_because(run, mechanism, failing) + _braked(run, failing),
+        words=_because(run, mechanism, failing) + _braked(run, mechanism, failing),
     )
 
 
-def _braked(run: Run, failing: Failing) -> str:
-    """Where a load that opposes the motion turns reactions round, and how much is off there and elsewhere."""
+def _braked(run: Run, mechanism: Mechanism, failing: Failing) -> str:
+    """Where a load that opposes the motion turns reactions round, and how often the worst signal is off there and
+    elsewhere.
+    """
     if failing.off is None or failing.turned is None or not failing.turned.any():
         return ""
     theta = np.degrees(run.crank_angle)
@@ -36,8 +38,8 @@ def _braked(run: Run, failing: Failing) -> str:
     places = ", ".join(f"{angle:.4g}" for angle in at)
     return (
         f"; a load opposes the motion, and as it turns round reactions do (by {places} deg): pins cross their bearings,"
-        f" strike and ring on; off are {near} crank angles within {BESIDE:g} deg of there, {far} elsewhere; at rest"
-        " no pin strikes: --motion static"
+        f" strike and ring on; the {quantities(mechanism)[failing.apart].label} is off at {near} crank angles within"
+        f" {BESIDE:g} deg of there, at {far} elsewhere; at rest no pin strikes: --motion static"
     )
 
 
