@@ -22,7 +22,7 @@ from compare.arguments import (
     warn_of_friction,
 )
 from compare.faults import ArgumentError
-from compare.limits import Bounds, limits_of_errors, refuse_errors_of_none
+from compare.limits import Bounds, limits_of_errors, points_in, points_of, refuse_errors_of_none
 from compare.omissions import Asked, omitted
 from compare.questions.accuracy import DRAWS, AccuracyQuestion
 from compare.questions.question import answers
@@ -53,6 +53,7 @@ def accuracy(question: AccuracyQuestion) -> Accuracy:
         warn_of_friction(m, None, moves, engines=False)
         warned += omitted(m, Asked("accuracy", moves, bends=True))
         assembly, outputs = Assembly(m), named_outputs(question.outputs, m)
+        outputs += [each for each in points_in(question.limits, m) if each not in outputs]
         varied, told = varying(m, question.clearance is not None) if states_tolerances(m) else ((), [])
         warned += told
         toleranced, alone = _limits(question, m, outputs, bool(varied))
@@ -87,7 +88,7 @@ def _limits(
     """Limits that linkages within tolerances have to keep where any number is ``varied``, and those of clearance alone.
     Raises ArgumentError.
     """
-    alone = {} if question.limits is None else limits_of_outputs(question.limits, outputs)
+    alone = {} if question.limits is None else limits_of_outputs(question.limits, outputs, m)
     toleranced = {d: alone.pop(d.name)[1] for d in outputs if varied and d.name in alone}
     if question.min_yield is not None and not varied:
         why = f"{m.name} states no tolerance, so that all its linkages are alike; give [tolerances], or leave it out"
@@ -116,6 +117,10 @@ def named_outputs(names: Names | None, mechanism: Mechanism) -> list[Output]:
             own = next((b for b in bodies if name in (f"{b}_x", f"{b}_y", f"{b}_angle")), None)
             if own is not None:
                 raise ArgumentError("outputs", f"{name}: give {own}, which is its x, y and angle, or {own}.angle")
+            words = name.removesuffix("_x").removesuffix("_y")
+            at = next((d for d in points_of(mechanism) if words in (d.place, f"{d.body}_{d.point}")), None)
+            if at is not None:
+                raise ArgumentError("outputs", f"{name}: give {at.place}, which is its x and y")
             why = (
                 f"is a point of {' and '.join(owners)}; write {owners[0]}.{name}"
                 if owners

@@ -36,7 +36,7 @@ from compare.faults import ArgumentError
 from compare.judge.reference import Reference, reference, with_flexible_links
 from compare.judge.reruns import too_soft
 from compare.judge.signals import only, with_derived
-from compare.limits import STROKE, TRANSMISSION, limits_of
+from compare.limits import TRANSMISSION, limits_of, points_in
 from compare.omissions import Asked, omitted, rigid_walls, untold
 from compare.quantities import plain, shown
 from compare.questions.analyse import AnalyseQuestion, RunQuestion, SimulateQuestion
@@ -45,6 +45,7 @@ from compare.results.analysis import Analysis, Extremes, OutputError, Simulation
 from compare.results.crosscheck import PinPath, Simulator
 from compare.sampled import integral, vertices
 from compare.schedules import scheduled
+from compare.strokes import STROKE
 from compare.toleranced import of_signals, states_tolerances, varying
 from sim_models.common.contact_laws import assumed_of_contact
 from sim_models.common.rates import with_rates
@@ -90,7 +91,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
             raise ArgumentError("compliance", "elastic displacement is found at rest; ask for static motion")
         side = _side(assembly, schedule, question)
         warned += _without_use(m, side, schedule.time)
-    optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion)
+    optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion, question.limits)
     if not compliance:
         optional["extremes"] = _extremes(assembly, schedule, question)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
@@ -144,12 +145,14 @@ def _signals_of(question: AnalyseQuestion, schedule: Schedule) -> Callable[[Mech
     return signals
 
 
-def _of_outputs(assembly: Assembly, schedule: Schedule, motion: Motion) -> tuple[dict[str, Any], list[str]]:
+def _of_outputs(
+    assembly: Assembly, schedule: Schedule, motion: Motion, limits: object
+) -> tuple[dict[str, Any], list[str]]:
     """The transmission angle at a crank's angles, and what clearance does to each body there, joint by joint, with
     where pins cross their bearings, in words; of what several drives move, the errors alone.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
-    outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")]
+    outputs = [Output(body.name, axis) for body in m.bodies for axis in ("x", "y", "angle")] + points_in(limits, m)
     if theta is None:
         told = m.clearances and not m.loose_guides and not assembly.structure.free
         return {"errors": _of_poses(assembly, schedule, motion, outputs)} if told else {}, []

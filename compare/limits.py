@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from numbers import Real
 from typing import Literal
 
 import numpy as np
 
+from analytic.kinematics.output import Output
+from analytic.mechanism import GROUND, Mechanism
 from analytic.mechanism.errors import quoted
 from analytic.mechanism.signals import named
 from analytic.mechanism.units import UnitError
@@ -18,18 +19,20 @@ from analytic.mechanism.written import number, one_unit, quantity
 from analytic.paper.superposition import whole_turn
 from compare.faults import ArgumentError
 from compare.judge.metrics import rms
+from compare.meant import meant
 from compare.quantities import drive_signals
 from compare.results.accuracy import Accuracy
 from compare.results.analysis import Analysis, Extremes, Limit
 from compare.results.looked_at import ByClearance
 from compare.sampled import vertices
+from compare.strokes import STROKE, strokes
 
 ROUNDING = 1e-6  # of a limit: what is beyond it by less is on it, as peaks between samples are interpolated
 MOST_LISTED = 16  # names in a sentence
 EFFORTS = ("N", "N.m", "W")
 TRANSMISSION = "transmission_angle"
 RMS, MEAN = "rms_", "mean_"  # with the name of a force, a torque or a power after it
-STROKE = "stroke_"  # with a slide's or a body's name after it: its travel, or its angle, without clearance
+RATIO = "time_ratio_"  # with the same after it: how many times as long the slow way takes as the quick one
 ERROR, WORST = "error_", "worst_"  # with an output's name after it: its error by clearance in equilibrium, at worst
 Bounds = tuple[float, float]
 
@@ -41,22 +44,24 @@ class Limitable:
     unit: str
     alone: Literal["size", "least", "either"] = "size"
     signal: str = ""
-    of: Literal["throughout", "mean", "rms"] = "throughout"
+    of: Literal["throughout", "mean", "rms", "travel", "once"] = "throughout"
 
 
-def limited(given: object, known: Mapping[str, Limitable], unknown: str) -> dict[str, Bounds]:
+def limited(
+    given: object, known: Mapping[str, Limitable], unknown: str, m: Mechanism, more: Iterable[str] = ()
+) -> dict[str, Bounds]:
     """The least and the largest value (SI; infinite where there is none) by name, as they were given: a number or a
     text with its unit, which is a largest size, or ``least:largest``.  Raises ArgumentError, with what is ``unknown``
-    said of a name that is not known.
+    said of a name that is not known, and which of these and of ``more`` of a mechanism's was meant.
     """
     if not isinstance(given, Mapping):
         raise ArgumentError("limits", f"{quoted(given)} cannot be used; give them by name, as {next(iter(known))}=...")
     for name in given:
         if name not in known:
-            parts = set(str(name).split("_"))
-            near = [each for each in known if parts <= set(each.split("_"))] or get_close_matches(str(name), known, n=1)
+            joints = {b.name: [j.name for j in m.joints if b.name in j.bodies] for b in m.bodies}
+            near = meant(str(name), [*known, *more], joints)
             first = [*list(known)[:MOST_LISTED], *["..."] * (len(known) > MOST_LISTED)]
-            those = f"did you mean {near[0]}?" if near else f"they are {', '.join(first)}"
+            those = f"did you mean {near}?" if near else f"they are {', '.join(first)}"
             raise ArgumentError("limits", f"{name} is {unknown}; {those}")
     return {name: _bounds(name, size, known[name]) for name, size in given.items()}
 
@@ -108,20 +113,24 @@ def _amount(name: str, size: object, unit: str) -> float:
 
 def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
     """What an analysis makes of limits to its signals, ``reaction_B`` for the size of one, to ``stroke_<joint or
-    body>``, to the least ``transmission_angle``, to errors by clearance, ``error_<output>`` in equilibrium and
-    ``worst_<output>``, and to the mean and the root mean square of forces, torques and powers, ``mean_<signal>`` and
-    ``rms_<signal>``.  Raises ArgumentError.
+    body>`` and ``time_ratio_<joint or body>``, to the least ``transmission_angle``, to errors by clearance,
+    ``error_<output>`` in equilibrium and ``worst_<output>``, and to the mean and the root mean square of forces,
+    torques and powers, ``mean_<signal>`` and ``rms_<signal>``.  Raises ArgumentError.
     """
     m, known = result.mechanism, _known(result)
     if isinstance(given, Mapping) and not m.clearances:
         refuse_errors_of_none(m.name, (name for name in given if str(name).startswith((ERROR, WORST))))
     every = named(m.bodies, m.joints, m.drives, m.sensors)
-    asleep = [name for name, signal in every.items() if signal.on_request and name not in known]
-    for name in (name for name in asleep if isinstance(given, Mapping) and name in given):
-        raise ArgumentError("limits", f"{name} is a signal on request; ask for it by `signals` too")
-    bounds = limited(given, known, f"nothing of {m.name} that may have a limit")
+    asleep = {name: signal for name, signal in every.items() if signal.on_request and name not in known}
+    means = [f"{head}{name}" for head in (MEAN, RMS) for name in asleep if asleep[name].unit in EFFORTS]
+    for name in (name for name in [*asleep, *means] if isinstance(given, Mapping) and name in given):
+        signal = name.removeprefix(MEAN).removeprefix(RMS)
+        raise ArgumentError("limits", f"{signal} is a signal on request; ask for it by `signals` too")
+    points = [f"{ERROR}{d.name}" for d in points_of(m)]
+    bounds = limited(given, known, f"nothing of {m.name} that may have a limit", m, [*asleep, *means, *points])
     angle = np.zeros(0) if result.transmission is None else np.arcsin(np.clip(result.transmission, 0.0, 1.0))
     series = {TRANSMISSION: angle} | errors(result.errors) | dict(result.signals)
+    series |= {f"{RATIO}{stroke.what}": np.array([stroke.ratio]) for stroke in strokes(result)}
     places = result.crank_angle if result.time is None else result.time
     extremes = {**result.extremes, **between(errors(result.errors), places)}
     found = {name: _limit(known[name], both, series, places, extremes) for name, both in bounds.items()}
@@ -130,10 +139,10 @@ def limits_of(result: Analysis, given: object) -> dict[str, Limit]:
 
 def _basis(result: Analysis, of: Limitable) -> dict[str, object]:
     """What a number is of, where that is not the whole turn, or not the linkage as it is."""
-    theta, throughout = result.crank_angle, of.of == "throughout" and of.alone != "either"
-    part = not throughout and result.time is None and not whole_turn(theta)
+    theta = result.crank_angle
+    part = of.of in ("mean", "rms", "travel") and result.time is None and not whole_turn(theta)
     over = {"over": (float(theta.min()), float(theta.max()))} if part and theta.size else {}
-    ideal = of.signal.startswith(STROKE) and bool(result.clearance)
+    ideal = of.signal.startswith((STROKE, RATIO)) and bool(result.clearance)
     return over | ({"without_clearance": True} if ideal else {})
 
 
@@ -146,6 +155,19 @@ def limits_of_errors(result: Accuracy, bounds: Mapping[str, Bounds]) -> dict[str
         name: _limit(Limitable(units[name], signal=name), both, series, result.crank_angle, extremes)
         for name, both in bounds.items()
     }
+
+
+def points_of(m: Mechanism) -> list[Output]:
+    """Where each point of each body is: x and y."""
+    return [Output(b.name, axis, point) for b in m.bodies for point in b.points for axis in ("x", "y")]
+
+
+def points_in(given: object, m: Mechanism) -> list[Output]:
+    """Both axes of the points of bodies whose errors have limits, ``error_rocker.tip_x``, or ``rocker.tip_x`` of an
+    accuracy.
+    """
+    asked = {str(name).removeprefix(ERROR).removeprefix(WORST) for name in given} if isinstance(given, Mapping) else ()
+    return [each for each in points_of(m) if {f"{each.place}_x", f"{each.place}_y"} & {*asked}]
 
 
 def refuse_errors_of_none(case: str, asked: Iterable[str]) -> None:
@@ -190,12 +212,16 @@ def _known(result: Analysis) -> dict[str, Limitable]:
     m, kinds = result.mechanism, result.kinds
     signals = [n for n, kind in kinds.items() if not (kind.kind == "reaction" and kind.wraps)]
     whole = [n for n in signals if kinds[n].component == "magnitude"]
-    moves = [(f"position_{joint.name}", joint.name) for joint in m.joints if joint.prismatic]
+    slides = {f"{joint.name}": joint for joint in m.joints if joint.prismatic}
+    moves = [(f"position_{name}", name) for name in slides]
     moves += [(f"{body.name}_angle", body.name) for body in m.bodies if not m.cranked or body.name != m.driven]
+    on_ground = {body: name for name, joint in slides.items() if GROUND in joint.bodies for body in joint.bodies}
     known = {n.removesuffix("_magnitude"): Limitable(kinds[n].unit, signal=n) for n in whole}
     known |= {n: Limitable(kinds[n].unit, signal=n) for n in drive_signals(m) if n in kinds}
     ideal = {n: f"{STROKE}{what}" for n, what in moves if f"{STROKE}{what}" in result.extremes}
-    known |= {f"{STROKE}{what}": Limitable(kinds[n].unit, "either", ideal.get(n, n)) for n, what in moves}
+    known |= {f"{STROKE}{what}": Limitable(kinds[n].unit, "either", ideal.get(n, n), "travel") for n, what in moves}
+    known |= {f"{STROKE}{b}": known[f"{STROKE}{s}"] for b, s in on_ground.items() if f"{STROKE}{b}" in known}
+    known |= {f"{RATIO}{s.what}": Limitable("", "either", f"{RATIO}{s.what}", "once") for s in strokes(result)}
     known |= {} if result.transmission is None else {TRANSMISSION: Limitable("rad", "least", TRANSMISSION)}
     known |= {n: Limitable(kinds[n].unit, signal=n) for n in signals}
     known |= {n: Limitable(result.errors[n[len(ERROR) :]].unit, signal=n) for n in errors(result.errors)}
@@ -219,14 +245,16 @@ def _limit(
     ends = list(zip(series[there].tolist(), places[: series.size][there].tolist(), strict=True))
     looked = () if found is None else ((found.highest, found.highest_at), (found.lowest, found.lowest_at))
     ends += [(v, x) for v, x in looked if v is not None and x is not None]
-    if of.of != "throughout" and ends:
+    if of.of in ("mean", "rms") and ends:
         known = (rms if of.of == "rms" else np.nanmean)(series) if found is None else getattr(found, of.of)
         ends = [] if known is None else [(known, math.nan)]
     off, value, at = math.inf, None, None
     if ends:
         highest, lowest = max(ends), min(ends)
-        if of.alone == "either":
+        if of.of == "travel":
             highest = lowest = (highest[0] - lowest[0], math.nan)
+        if of.of == "once":
+            highest = lowest = (highest[0], math.nan)
         off, (value, at) = max((highest[0] - bounds[1], highest), (bounds[0] - lowest[0], lowest))
     slack = ROUNDING * max(abs(bound) for bound in bounds if math.isfinite(bound))
     verdict: Literal["holds", "broken", "unknown"] = "holds" if there.all() and ends else "unknown"

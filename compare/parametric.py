@@ -30,7 +30,7 @@ from compare.arguments import Linkage, Values, cores, engines, linkage, with_map
 from compare.crosscheck import crosscheck
 from compare.faults import ArgumentError
 from compare.judge.tolerances import Tolerances
-from compare.limits import EFFORTS, ERROR, MEAN, RMS, ROUNDING, STROKE, TRANSMISSION, WORST, between, errors
+from compare.limits import EFFORTS, ERROR, MEAN, RMS, ROUNDING, TRANSMISSION, WORST, between, errors
 from compare.platform import platform_accuracy
 from compare.progress import progress_bar
 from compare.quantities import drive_signals, going, quantities
@@ -45,6 +45,7 @@ from compare.results.crosscheck import CrossCheck
 from compare.results.looked_at import ByClearance
 from compare.results.platform import PlatformAccuracy
 from compare.results.sweep import Asks, Farthest, FieldValue, Group, Sweep, SweptColumn, SweptField, SweptPoint
+from compare.strokes import STROKE
 from compare.sweep import sweep as spread_out
 from compare.versions import versions
 from sim_models.engine import SimulationError, SimulatorMissing

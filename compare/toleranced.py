@@ -14,7 +14,7 @@ from analytic.mechanism.signals import Signal, named
 from analytic.mechanism.tolerances import Source, changed, sources
 from analytic.paper.superposition import AccuracyAnalysis
 from compare.faults import ArgumentError
-from compare.limits import WORST, Bounds, Limitable, limited
+from compare.limits import ERROR, WORST, Bounds, Limitable, limited, points_of
 from compare.results.toleranced import (
     AccuracyByTolerance,
     ByTolerance,
@@ -49,12 +49,14 @@ def varying(m: Mechanism, replaced: bool) -> tuple[tuple[Source, ...], list[str]
     return tuple(kept), [f"left out: tolerances of {left_out}, as other clearances were asked for"] if given else []
 
 
-def limits_of_outputs(given: object, outputs: list[Output]) -> dict[str, Bounds]:
+def limits_of_outputs(given: object, outputs: list[Output], m: Mechanism) -> dict[str, Bounds]:
     """Largest good errors, to either side, by output (m or rad), or by ``worst_<output>``, as they were given.  Raises
     ArgumentError.
     """
     known = {f"{kind}{d.name}": Limitable(d.unit) for kind in ("", WORST) for d in outputs}
-    limits = limited(given, known, "no output that is looked at")
+    if isinstance(given, Mapping):  # as an analysis has them
+        given = {str(name).removeprefix(ERROR): value for name, value in given.items()}
+    limits = limited(given, known, "no output that is looked at", m, [d.name for d in points_of(m)])
     for name, (least, largest) in limits.items():
         if least != -largest:
             raise ArgumentError("limits", f"{name} has a range; an error has one limit to either side: give {name}=...")

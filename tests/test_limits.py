@@ -204,6 +204,16 @@ def test_a_point_without_an_answer_is_an_error_of_a_swept_limit() -> None:
 @pytest.mark.parametrize(
     ("limit", "why"),
     [
+        ("max_force_B=5N", "did you mean reaction_B?"),
+        ("rms_motor_torque=5N.m", "did you mean rms_drive_torque?"),
+        ("mean_power=5W", "did you mean mean_drive_power?"),
+        ("mean_drive_power=5W", "drive_power is a signal on request; ask for it by --signals too"),
+        ("pressure_angle=5deg", "did you mean transmission_angle?"),
+        ("follower_swing=5deg:", "did you mean stroke_follower?"),
+        ("reaction_follower=5N", "did you mean reaction_B or reaction_E?"),
+        ("follower.B_x=5mm", "did you mean error_follower.B_x?"),
+        ("time_ratio=1.5:", "did you mean time_ratio_follower?"),
+        ("time_ratio_follower=1.5", "may be the least or the largest; write 1.5: or :1.5"),
         ("B=5N", "B is nothing of crank-rocker that may have a limit; did you mean reaction_B?"),
         ("follower=60deg", "did you mean stroke_follower?"),
         ("follower_stroke=60deg", "did you mean stroke_follower?"),
@@ -237,6 +247,39 @@ def test_the_stroke_of_a_slide_is_two_cranks() -> None:
     assert found.limits["stroke_S"].value == pytest.approx(2 * crank, rel=1e-5)
     with pytest.raises(ArgumentError, match="give them by name"):
         lc.analyse("slider-crank", limits=["reaction_B"])  # type: ignore[arg-type]
+
+
+def test_the_ratio_of_times_of_a_quick_return_may_have_a_limit() -> None:
+    """Both dead centres have crank and coupler in line; the angles of the crank between them are of triangles."""
+    slow = math.pi + angle(GROUND, COUPLER - CRANK, FOLLOWER) - angle(GROUND, CRANK + COUPLER, FOLLOWER)
+    ratio = max(slow, math.tau - slow) / min(slow, math.tau - slow)
+    found = lc.analyse("crank-rocker", limits={"time_ratio_follower": "1.2:1.3", "stroke_follower": "60 deg:"})
+    assert found.limits["time_ratio_follower"].value == pytest.approx(ratio, rel=1e-4)
+    said = [case.said for case in found.judgements()[0].cases]
+    assert said[0].startswith("time_ratio_follower is 1.2")
+    assert said[0].endswith(", within 1.2 to 1.3")
+    assert said[1].endswith(", no less than its limit of 60 deg")
+
+
+def test_the_stroke_of_a_body_that_slides_is_that_of_its_slide() -> None:
+    found = lc.analyse("slider-crank", limits={"stroke_slider": "1 mm:", "stroke_S": "1 mm:"}).limits
+    assert found["stroke_slider"] == found["stroke_S"]
+    assert found["stroke_slider"].unit == "m"
+
+
+def test_a_point_of_a_body_has_a_limit_by_its_name_in_both_commands() -> None:
+    """At a pin the error is that of the other body's point there, in the worst case within B's gap."""
+    gap, names = {"B": 1e-4}, ("follower.B_y", "worst_follower.B_x")
+    alone = lc.accuracy("crank-rocker", clearance=gap, outputs="follower.B", samples=2).outputs
+    here = lc.accuracy("crank-rocker", clearance=gap, limits=dict.fromkeys(names, "1 mm"), samples=2)
+    there = lc.analyse("crank-rocker", clearance=gap, limits={"error_follower.B_y": 1e-3, "worst_follower.B_x": 1e-3})
+    np.testing.assert_array_equal(here.outputs["follower.B_x"].worst_case, alone["follower.B_x"].worst_case)
+    assert [each.value for each in here.limits.values()] == [each.value for each in there.limits.values()]
+
+
+def test_the_name_of_an_analysis_is_known_to_an_accuracy() -> None:
+    found = lc.accuracy("paper", limits={"error_follower_x": "1 m"}, samples=2)
+    assert [*found.limits] == ["follower_x"]
 
 
 def test_a_stroke_says_that_it_is_without_clearance_and_of_which_part_of_the_turn(tmp_path: Path) -> None:

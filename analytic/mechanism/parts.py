@@ -176,6 +176,15 @@ class Body(MechanismPart):
     youngs_modulus: SiPositive | None = None  # Pa; left out: rigid
     shear_modulus: SiPositive | None = None  # Pa
 
+    @field_validator("marker", mode="before")
+    @classmethod
+    def _placed(cls, given: object, info: ValidationInfo) -> object:
+        """Raises ValueError for the name of a point, as a marker would not move with that."""
+        place = info.data.get("points", {}).get(given) if isinstance(given, str) else None
+        if place is not None:
+            raise ValueError(f"that is the name of a point; write where it is, marker = {list(place)}")
+        return given
+
     def point(self, name: str) -> complex:
         """A body point as x + iy (m, body frame); ``"com"`` is the marker, MASS_CENTRE the centre of mass itself."""
         if name == MASS_CENTRE:

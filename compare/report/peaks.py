@@ -14,12 +14,13 @@ import numpy as np
 
 from analytic.mechanism import Load, Mechanism
 from analytic.mechanism.parts import TINY
-from analytic.mechanism.signals import continued, wrapped
-from compare.limits import STROKE
-from compare.quantities import Quantity, drive_signals, going, plain, quantities, shown
+from analytic.mechanism.signals import continued
+from compare.quantities import Quantity, drive_signals, plain, quantities, shown
 from compare.report.summary import Abscissa, Sampled, abscissa, by_reason
 from compare.results.analysis import Analysis, Extremes, Simulation
 from compare.results.looked_at import ByClearance
+from compare.strokes import STROKE
+from compare.strokes import strokes as all_strokes
 
 NOTHING = 1e-9  # of what belongs to it (a reaction, a length): smaller is rounding
 LEAST_PART = 5e-3  # of the worst case: what a joint does that is less is not listed
@@ -220,26 +221,12 @@ def strokes(result: Analysis) -> Iterator[tuple[str, str]]:
     """Each slide and each body on the ground that goes to and fro once in a turn of the crank: how far, and for which
     part of the turn one way and back.
     """
-    m = result.mechanism
-    if not over(result).around:
-        return
-    known, x = quantities(m), over(result).values
-    turns = max(1, round(abs(x[-1] - x[0]) / 360))
-    for what, name in going(m).items():
-        values = result.signals[name][np.isfinite(result.signals[name])]
-        way = np.diff(values, append=values[:1])
-        way = np.sign(wrapped(way) if result.kinds[name].unit == "rad" else way)
-        way = way[way != 0]
-        if np.sum(way != np.roll(way, 1)) == 2 * turns and f"{STROKE}{what}" in result.extremes:
-            ends = peak(result, known[name], f"{STROKE}{what}")
-            up = (ends.highest.at - ends.lowest.at) % 360
-            long, short = max(up, 360 - up), min(up, 360 - up)
-            ideal = " without clearance" * bool(result.clearance)
-            travel = f"{plain(ends.highest.value - ends.lowest.value, 4)} {known[name].unit}{ideal}"
-            yield (
-                what,
-                f"{travel}, {plain(long, 4)} deg one way, {plain(short, 4)} deg back ({long / short:.2f}:1)",
-            )
+    known, ideal = quantities(result.mechanism), " without clearance" * bool(result.clearance)
+    for stroke in all_strokes(result):
+        ends = peak(result, known[stroke.signal], f"{STROKE}{stroke.what}")
+        travel = f"{plain(ends.highest.value - ends.lowest.value, 4)} {known[stroke.signal].unit}{ideal}"
+        ways = (plain(math.degrees(way), 4) for way in (stroke.long, stroke.short))
+        yield stroke.what, f"{travel}, {' deg one way, '.join(ways)} deg back ({stroke.ratio:.2f}:1)"
 
 
 def mean_torque(result: Analysis) -> float | None:

@@ -167,7 +167,8 @@ def table(result: Sweep) -> tuple[list[str], list[list[str]]]:
     if result.asks == "crosscheck":
         heads += ["verdict", "largest difference", "unit", "tolerance", "where"]
     else:
-        heads += [f"{result.columns[name].label} ({_unit(result.columns[name].unit)})" for name in names]
+        units = {name: _unit(result.columns[name].unit) for name in names}
+        heads += [f"{result.columns[name].label} ({units[name]})".removesuffix(" ()") for name in names]
     missing = [point.failure or point.remark for point in result.points]
     rows = []
     for point, why in zip(result.points, missing, strict=True):

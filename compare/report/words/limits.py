@@ -45,21 +45,21 @@ def sentence(name: str, limit: Limit, at: str, of: str = "") -> str:
 
 def _said(limit: Limit, at: str, of: str) -> str:
     unit, factor = shown(limit.unit)
-    unit = unit.replace("·", ".")
+    unit = f" {unit.replace('·', '.')}" * bool(unit)
     of_size = limit.largest is not None and limit.least == -limit.largest
     end = abs(limit.bound) if of_size else limit.bound
-    bound = f"its limit of {plain(factor * end, DIGITS)} {unit}"
+    bound = f"its limit of {plain(factor * end, DIGITS)}{unit}"
     if limit.over is not None:
         low, high = (plain(math.degrees(end), 4) for end in limit.over)
         at = f" between {low} and {high} deg"
     ideal = " without clearance" * limit.without_clearance
-    value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)} {unit}{ideal}{at}, "
+    value = "" if limit.value is None else f"is {plain(factor * limit.value, DIGITS)}{unit}{ideal}{at}, "
     if limit.verdict == "unknown":
         missing = f"at {limit.missing} of {of}" if of else f"at {count(limit.missing, 'sample')}"
         where = missing if limit.missing else "between samples"
         return f"{value}{'and ' if value else ''}has no answer {where}: {bound} is not known to hold"
     if limit.verdict == "holds" and not (limit.least is None or limit.largest is None or of_size):
-        return f"{value}within {plain(factor * limit.least, DIGITS)} to {plain(factor * limit.largest, DIGITS)} {unit}"
+        return f"{value}within {plain(factor * limit.least, DIGITS)} to {plain(factor * limit.largest, DIGITS)}{unit}"
     if limit.verdict == "holds":
-        return f"{value}within {bound}"
+        return f"{value}{'no less than' if limit.largest is None else 'within'} {bound}"
     return f"{value}{'more' if of_size or (limit.value or 0.0) > limit.bound else 'less'} than {bound}"
