@@ -134,7 +134,7 @@ def test_help_and_lists_need_no_engine(tmp_path: Path) -> None:
     assert "--simulator" in done.stdout
     listed = compare("cases", cwd=tmp_path)
     assert listed.returncode == 0
-    assert {"paper", "crank-rocker", "slider-crank", "pendulum", "six-bar"} <= {
+    assert {"paper", "crank-rocker", "slider-crank", "pendulum", "six-bar", "quick-return"} <= {
         line.split()[0] for line in listed.stdout.splitlines()
     }
 

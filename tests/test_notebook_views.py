@@ -11,6 +11,8 @@ import pandas
 import pytest
 
 import linkage_crosscheck as lc
+from analytic.mechanism.file import loads
+from compare.new import begun
 from compare.quantities import DASH, MINUS
 from compare.report.words import diagnosis as words
 from compare.report.words.effects import rival_words
@@ -68,6 +70,14 @@ def test_an_accuracy_says_where_and_by_which_pin_and_how_many_linkages_are_good(
     frame = result.to_dataframe()
     np.testing.assert_allclose(frame.error_A + frame.error_B, frame.nominal, atol=1e-12)
     assert result.units() == {"crank_angle": "rad"}
+
+
+def test_a_plot_of_a_linkage_says_which_reactions_it_is_without() -> None:
+    """Seven joints: the ram's guide presses least."""
+    pytest.importorskip("matplotlib")
+    figure = lc.analyse(loads(begun("quick-return").read_text(encoding="utf-8"))).plot()
+    assert figure.get_supxlabel() == "7 of 8 curves, the largest, without reaction force at S"
+    assert lc.analyse("crank-rocker").plot().get_supxlabel() == ""
 
 
 def test_measured_data_count_the_samples_that_there_are() -> None:

@@ -344,6 +344,15 @@ def test_a_cross_check_s_rows_have_the_verdict_and_the_largest_difference(tmp_pa
 
 
 @pytest.mark.mujoco
+def test_the_processes_of_a_cross_check_may_be_told_and_change_no_number(tmp_path: Path) -> None:
+    words = "--simulator mujoco --motion static --angles 30:60:30 -q --workers".split()
+    for workers in ("1", "2"):
+        assert commands.compare(*words, workers, "--out", workers, cwd=tmp_path).returncode == 0
+    one, two = ((tmp_path / name / "signals.csv").read_text(encoding="utf-8") for name in ("1", "2"))
+    assert one == two
+
+
+@pytest.mark.mujoco
 def test_a_simulation_that_fails_is_status_3_and_the_others_stand(tmp_path: Path) -> None:
     words = "--case paper --simulator mujoco --joint contact --motion static --angles 30:40:10".split()
     words += ["--set", "joint.B.contact_stiffness=1e8,1e2", "--workers", "1", "--out", "out", "-q"]

@@ -204,7 +204,7 @@ def compare(line: CommandLine) -> None:
             typer.echo(context.get_help())
         raise typer.Exit(Exit.BAD_INPUT)
     with line.complaints() as caught:
-        if is_swept(line):
+        if is_swept(line, alone=["workers"]):
             answer(line, "crosscheck", CrosscheckQuestion, caught)
         from compare.crosscheck import crosscheck
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, NoReturn
 
 import typer
@@ -16,11 +16,13 @@ if TYPE_CHECKING:
     from compare.results.sweep import Asks
 
 
-def is_swept(line: CommandLine) -> bool:
-    """Whether fields are varied.  Raises OptionError for what belongs to that and is typed without."""
+def is_swept(line: CommandLine, alone: Collection[str] = ()) -> bool:
+    """Whether fields are varied.  Raises OptionError for what belongs to that and is typed without, but for what is
+    ``alone`` of use.
+    """
     if line.has("set"):
         return True
-    for name in filter(line.has, ("workers", "dask")):
+    for name in filter(line.has, {"workers", "dask"} - {*alone}):
         raise OptionError(f"--{name}: spreads the points of --set; give that, or leave it out")
     return False
 
@@ -35,7 +37,8 @@ def answer(line: CommandLine, asks: Asks, question: type[Question], caught: Sequ
     files = ("sweep.json", "sweep.html", "sweep.csv", "sweep.svg", *["junit.xml"] * judges)
     folder = line.folder(f"{line.stem}-{asks}", *files)
     options = line.arguments(question)
-    options.pop("mechanism", None)
+    for name in ("mechanism", "workers"):
+        options.pop(name, None)
     asked = line.asked(SweepQuestion, asks=asks, options=options)
     write = line.drawn if "plot" in line.words else line.answer
     result = write(lambda: swept(asked), caught, folder)

@@ -16,7 +16,7 @@ from compare.questions.shared import (
     Large,
     ModelOption,
     ProgressOption,
-    PythonWorkers,
+    RunWorkers,
     SplitOption,
     ToleranceOption,
 )
@@ -81,5 +81,5 @@ class CheckQuestion(Question):
             Switch(),
         ),
     ] = False
-    workers: PythonWorkers = None
+    workers: RunWorkers = None
     progress: ProgressOption = None

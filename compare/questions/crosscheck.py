@@ -19,7 +19,7 @@ from compare.questions.shared import (
     MoreSignals,
     PathFile,
     ProgressOption,
-    PythonWorkers,
+    RunWorkers,
     ToleranceOption,
 )
 
@@ -74,5 +74,5 @@ class CrosscheckQuestion(Question):
             Switch(),
         ),
     ] = False
-    workers: PythonWorkers = None
+    workers: RunWorkers = None
     progress: ProgressOption = None

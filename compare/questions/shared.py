@@ -55,8 +55,8 @@ ToleranceOption = Annotated[
     "ToleranceFile | None", Option("Tolerance file laid over the shipped one.", TomlTolerances(), name="tolerance")
 ]
 Workers = Annotated[int | None, Option("Processes [one a core].", Whole(least=1))]
-PythonWorkers = Annotated[
-    int | None, Option("Processes [one a core where there are several engines].", Whole(least=1), typed=False)
+RunWorkers = Annotated[
+    int | None, Option("Processes [one a core where there are several engines, or points].", Whole(least=1))
 ]
 ProgressOption = Annotated[
     "Progress | None",

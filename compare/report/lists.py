@@ -9,6 +9,7 @@ from rich.text import Text
 
 from analytic.mechanism.one_line import count
 from compare.presentation import LIST_HAS_NO_PICTURE, Presentation
+from compare.questions.listing import KINDS
 from compare.report.tables import html_list, html_table, print_rows, say
 from compare.results.applied import Applied
 from compare.results.catalogue import Cases, Effects, Fields, Listing, Simulators
@@ -47,6 +48,8 @@ def print_cases(result: Cases, console: Console) -> None:
         gaps = ", ".join(f"{joint} {c * 1000:g} mm" for joint, c in case.clearance.items()) or "none"
         bodies = f"{len(case.bodies)} {'body' if len(case.bodies) == 1 else 'bodies'}"
         say(console, f"{case.name:14} {bodies}, {count(len(case.joints), 'joint')}, clearance: {gaps}")
+    for kind in (kind for kind, case in KINDS.items() if not case):
+        say(console, f"{kind:14} a file to begin with: compare new NAME --kind {kind}")
 
 
 def print_effects(result: Effects, console: Console) -> None:

@@ -11,7 +11,7 @@ from rich.console import Console
 from analytic.mechanism.one_line import count
 from compare.presentation import Presentation
 from compare.quantities import assumptions, drive_signals, quantities
-from compare.report.curves import MOST_CURVES, legend, with_peak
+from compare.report.curves import MOST_CURVES, legend, partly, with_peak
 from compare.report.peaks import over, peak, peaks, unanswered
 from compare.report.tables import html_list, html_table, print_rows, say
 from compare.report.words.limits import limits
@@ -68,9 +68,15 @@ def plot(result: OneSide, figure: Figure) -> None:
     found = {each.quantity.signal: -abs(each.largest.value) for each in peaks(result)}
     reactions = [f"reaction_{joint.name}_magnitude" for joint in result.mechanism.joints]
     chosen: list[str] = []
+    hidden: list[str] = []
     for names in (sorted(reactions, key=lambda name: found.get(name, 0.0)), drive_signals(result.mechanism)):
-        chosen += [name for name in names if name in found][:MOST_CURVES]
+        there = [name for name in names if name in found]
+        chosen += there[:MOST_CURVES]
+        hidden += there[MOST_CURVES:]
     plot_signals(result, figure, chosen)
+    known = quantities(result.mechanism)
+    left = f"curves, the largest, without {', '.join(known[name].label for name in hidden)}"
+    partly(figure, len(chosen), len(chosen) + len(hidden), left)
 
 
 def plot_signals(result: OneSide, figure: Figure, signals: Sequence[str]) -> None:

@@ -207,7 +207,8 @@ class Analysis(_Side):
     errors: Annotated[
         Mapping[str, OutputError],
         Field(
-            description="By output (<body>_x, _y, _angle) what clearance does to it; of loose joints in what is driven."
+            description="By output (<body>_x, _y, _angle; <body>.<point>_x, _y where it has a limit) what clearance"
+            " does to it; of loose joints in what is driven."
         ),
     ] = {}
     tolerances: Annotated[

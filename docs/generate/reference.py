@@ -163,11 +163,20 @@ def simulators() -> str:
 
 
 def cases() -> str:
-    """The mechanisms that ship with the package, each with the comment at the head of its file."""
+    """The mechanisms that ship with the package, each with the comment at the head of its file, and what else a file
+    may begin with.
+    """
+    from compare.new import begun
+    from compare.questions.listing import KINDS
+
     rows = []
     for path in sorted(resources.files("analytic.mechanism").joinpath("cases").iterdir(), key=lambda p: p.name):
         first = path.read_text(encoding="utf-8").splitlines()[0]
         rows.append([f"`{path.name.removesuffix('.toml')}`", escaped(first.removeprefix("# "))])
+    for kind in (kind for kind, case in KINDS.items() if not case):
+        first = begun(kind).read_text(encoding="utf-8").splitlines()[0]
+        begin = f"To begin with: `compare new NAME --kind {kind}`."
+        rows.append([f"`{kind}`", f"{escaped(first.removeprefix('# '))} {begin}"])
     return table(["case", "what it is"], rows)
 
 
