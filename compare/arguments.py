@@ -31,6 +31,7 @@ from analytic.mechanism.written import quantity
 from analytic.paper.clearance import Model
 from compare.faults import EVERY_PIN, ArgumentError, DegreesWarning, no_pin, unusable
 from compare.judge.tolerances import Tolerances, load_tolerances
+from compare.meant import marked
 from sim_models.engine import (
     MAPPED,
     SEPARATOR,
@@ -131,6 +132,7 @@ def on_request(given: object, mechanism: Mechanism, motion: Motion, *, usual: bo
             remedy = f"give {EVERY_SIGNAL!r}, or some of {', '.join(more)}"
             if near:
                 remedy = f"did you mean {near[0]!r}{'' if usual or near[0] in more else ', which is always there'}"
+            remedy = marked(name, mechanism) or remedy
             raise ArgumentError("signals", f"{quoted(name)} is no signal of {mechanism.name}; {remedy}")
     beside = more if asked == (EVERY_SIGNAL,) else [name for name in asked if usual or name in more]
     return tuple(dict.fromkeys([*sensors, *beside]))

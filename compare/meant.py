@@ -6,6 +6,8 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from difflib import get_close_matches
 
+from analytic.mechanism import Mechanism
+
 ALIKE = 0.8  # of a name's letters, from which on another one is a slip of it
 WORDS = {  # what is said for the words of a name; "" for what every one of them is
     "force": "reaction", "load": "reaction", "pin": "reaction", "bearing": "reaction", "moment": "torque",
@@ -33,6 +35,16 @@ def meant(name: str, known: Collection[str], joints: Mapping[str, Iterable[str]]
     partly = [each for each in known if {*typed} & _words(each)]
     slips = get_close_matches(name, known, n=1, cutoff=ALIKE) or get_close_matches(name, partly, n=1)
     return next(iter(slips), "")
+
+
+def marked(name: str, m: Mechanism) -> str:
+    """How the place of a point of a body, such as ``rocker.tip_x``, becomes a signal; empty of another name."""
+    for body in m.bodies:
+        for point, place in body.points.items():
+            for axis in ("x", "y"):
+                if name == f"{body.name}.{point}_{axis}":
+                    return f"give body {body.name} the marker = {list(place)}, and it is {body.name}_{axis}"
+    return ""
 
 
 def _words(name: str) -> set[str]:

@@ -277,6 +277,14 @@ def test_a_point_of_a_body_has_a_limit_by_its_name_in_both_commands() -> None:
     assert [each.value for each in here.limits.values()] == [each.value for each in there.limits.values()]
 
 
+def test_the_place_of_a_point_that_is_no_marker_is_told_as_one(tmp_path: Path) -> None:
+    remedy = "give body follower the marker = [0.1, 0.0], and it is follower_x"
+    asked = compare("crank-rocker", "--signals", "follower.B_x", cwd=tmp_path)
+    assert_refused(asked, f"'follower.B_x' is no signal of crank-rocker; {remedy}")
+    (tmp_path / "log.csv").write_text("crank_angle [rad],follower.B_x [m]\n0.0,0.1\n0.1,0.1\n", encoding="utf-8")
+    assert_refused(compare("check", "log.csv", "--case", "crank-rocker", cwd=tmp_path), remedy)
+
+
 def test_the_name_of_an_analysis_is_known_to_an_accuracy() -> None:
     found = lc.accuracy("paper", limits={"error_follower_x": "1 m"}, samples=2)
     assert [*found.limits] == ["follower_x"]

@@ -18,6 +18,7 @@ from analytic.mechanism.columns import ColumnMeaning, Layout, readable
 from analytic.mechanism.one_line import shown
 from analytic.mechanism.signals import Signal
 from analytic.mechanism.units import QuantityKind, UnitError, dimension, factor
+from compare.meant import marked
 
 TIME = Signal("time", "", "time")
 CLOCK = ("time", "t")  # what a column of time is called
@@ -249,6 +250,7 @@ def _mapped(
     elif signal is None and meaning.signal is not None:
         near = names.nearest(meaning.signal)
         remedy = f"did you mean {near!r}" if near else f"the signals are {', '.join(names.known)}"
+        remedy = marked(meaning.signal, names.mechanism) or remedy
         return (
             f"{at}, {shown(cell)}: columns.{shown(entry)[1:-1]}.signal = {shown(meaning.signal)} is not a signal of"
             f" {names.mechanism.name!r}; {remedy}"
@@ -265,13 +267,13 @@ def _named(at: str, place: int, cell: str, units: Mapping[int, str], names: Nami
     signal, name, unit = names.parted(cell)
     if signal is not None:
         return _column(at, place, cell, signal, unit if unit is not None else units.get(place, ""), None)
-    near = names.nearest(name) if name else None
-    if near is None:
+    point, near = marked(name, names.mechanism), names.nearest(name) if name else None
+    if near is None and not point:
         return None
     remedy = f'say [columns] {shown(cell)} = "ignore"' if names.mappable else "leave the column out"
+    meant = point or f"did you mean {near!r}"
     return (
-        f"{at}, {shown(name)}, is not a signal of {names.mechanism.name!r}; did you mean {near!r}; if it is something"
-        f" else, {remedy}"
+        f"{at}, {shown(name)}, is not a signal of {names.mechanism.name!r}; {meant}; if it is something else, {remedy}"
     )
 
 
