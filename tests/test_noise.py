@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compare.diagnose.noise import correlation_time, recurrence, sample_weights
+from compare.diagnose.noise import correlation_time, lasting, recurrence, rms, sample_weights
 from compare.diagnose.residuals import Data, cycles
 from diagnosis_rigs import experiment, turn
 
@@ -57,3 +57,22 @@ def test_samples_of_a_turning_crank_count_by_size_slowness_and_turns() -> None:
     assert np.all(sample_weights(data, left / 10) == 1.0)  # no more than noise
     by_hand = 1 / (float(np.mean(left**2)) * correlation_time(left) * math.floor(turns))
     np.testing.assert_allclose(sample_weights(data, left), by_hand, rtol=0.02)
+
+
+def test_of_an_engine_s_difference_what_rings_in_another_way_stays_in_the_noise() -> None:
+    """Pins that strike are as far off in the nominal linkage, at other times; what a soft link bends lasts, and so does
+    what an effect alone makes.
+    """
+    rng = np.random.default_rng(5)
+    bent, ringing, again, much = (
+        np.sin(np.arange(300) / 20),
+        *(rng.standard_normal(300) for _ in range(2)),
+        np.ones(300),
+    )
+    records = [slice(0, 300), slice(300, 600), slice(600, 900)]
+    nominal = np.concatenate([bent, ringing, 0.1 * ringing])
+    apart = np.concatenate([1.1 * bent, again, much])
+    taken = lasting(apart, nominal, records)
+    assert taken[records[0]] == pytest.approx(apart[records[0]])
+    assert rms(taken[records[1]]) < 0.2
+    assert taken[records[2]] == pytest.approx(much, abs=0.05)

@@ -518,3 +518,18 @@ def test_a_diagnosis_with_such_loads_in_the_nominal_linkage_finds_what_is_missin
     (effect,) = result.effects
     assert effect.key == "viscous_friction@E"
     assert effect.parameters["damping"].value == pytest.approx(0.02, rel=0.02)
+
+
+def test_what_a_crank_s_sensors_read_as_a_brake_turns_round_is_left_out() -> None:
+    """A quick return's lever turns back where the crank is square to it, twice in a turn; two samples either side."""
+    told = lc.analyse(shaper(BRAKE), angles="0:720:2")
+    speed = 2 * math.pi
+    read = {"time [s]": told.crank_angle / speed, "crank_angle [rad]": told.crank_angle}
+    read |= {"reaction_S_y [N]": told.signals["reaction_S_y"], "drive_torque [N.m]": told.signals["drive_torque"]}
+    given = lc.preview(lc.measured(shaper(BRAKE), {"slow": read}, speed=speed, drive_angle=0.0))
+    (left,) = (fault for fault in given.faults if fault.kind == "rest")
+    assert left.text.startswith("run 'slow' is without its reaction_S_y in the 16 samples"), left.text
+    lost = np.degrees(told.crank_angle[~np.isfinite(given.runs[0].signals["reaction_S_y"].measured)]) % 360
+    lean = math.degrees(math.asin(RADIUS / BELOW))
+    turns = np.array([180.0 + lean, 360.0 - lean])
+    assert np.abs(lost[:, None] - turns).min(axis=1).max() <= 4.0

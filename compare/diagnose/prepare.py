@@ -15,10 +15,12 @@ from scipy.sparse import csr_array, diags_array
 from analytic.beyond_paper.drive import Motor
 from analytic.beyond_paper.freedom import Freedom
 from analytic.kinematics.assembly import Assembly, AssemblyError
+from analytic.kinematics.motion import kinematics
 from analytic.kinematics.structure import StructureError
 from analytic.mechanism import Mechanism
 from analytic.mechanism.one_line import count
 from analytic.mechanism.signals import turned_near
+from analytic.paper.kinetostatics import load_turns
 from compare.diagnose.courses import (
     course,
     encoder_noise,
@@ -47,6 +49,7 @@ UNTOLD = 0.3  # of an encoder's noise, that they may leave
 WITHIN = 0.2  # of n^1.5 steps: by so much (rms) white pushes of n samples, less their mean, move a crank
 NUMBERS = 20_000_000  # of the matrix of errors that sensors share, at most
 SHORTEST = 1e-6  # m of travel, that a slide makes at least
+BESIDE = 2.0  # samples, in which a pin crosses its bearing where a load turns round
 MOVING_SIGMAS = 4.0  # sigmas, by which a slide's speed must be known from none
 
 
@@ -144,13 +147,52 @@ def _while_moving(measured: Measured, courses: Mapping[str, Motor | Motors]) -> 
                     f"{run.file}: the {what} of run {run.name!r} rests or turns back in {int(still.sum())} of"
                     f" {run.time.size} samples, as far as its encoder tells; give a run in which it moves"
                 )
-            channels[name] = replace(channel, values=frozen(np.where(lost, math.nan, channel.values)))
+            channels[name] = _without(channel, lost)
             text = (
                 f"{name} of run {run.name!r} is left out in the {count(int(lost.sum()), 'sample')} in which the {what}"
                 " rests or turns back: dry friction may be anything there"
             )
             faults.append(Fault(run.name, name, "rest", int(lost.sum()), text))
         runs.append(replace(run, channels=channels))
+    return replace(measured, runs=tuple(runs), faults=tuple(faults))
+
+
+def _without(channel: Channel, lost: np.ndarray) -> Channel:
+    """A channel without samples (N,) bool."""
+    return replace(channel, values=frozen(np.where(lost, math.nan, channel.values)))
+
+
+def _past_reversals(measured: Measured, model: Model) -> Measured:
+    """The measurement without what a crank's runs read within BESIDE samples of where a load that opposes the motion
+    turns round in the nominal linkage: reactions jump there, and pins cross their bearings.
+    """
+    runs, faults = [], list(measured.faults)
+    for run in measured.runs:
+        mechanism = model.altered(run, ())
+        if run.drive == "free" or not mechanism.cranked or not any(load.opposes for load in mechanism.loads):
+            runs.append(run)
+            continue
+        turning = model.motor(run, mechanism).at(run.time)
+        try:
+            motion = kinematics(Assembly(mechanism), turning.theta, turning.omega, turning.alpha)
+        except AssemblyError:  # the nominal model's fault, which is told later
+            return measured
+        within = BESIDE * float(np.median(np.abs(np.diff(turning.theta))))
+        lost = np.any(list(load_turns(motion, within).values()), axis=0)
+        jumping = {
+            name: channel
+            for name, channel in run.channels.items()
+            if channel.signal.kind == "reaction" or (mechanism.displaced and name != model.rig.encoder)
+            if np.sum(np.isfinite(channel.values) & ~lost) >= MIN_ROWS
+        }
+        if lost.any() and jumping:
+            run = replace(run, channels={**run.channels, **{name: _without(c, lost) for name, c in jumping.items()}})
+            text = (
+                f"run {run.name!r} is without its {', '.join(jumping)} in the {count(int(lost.sum()), 'sample')} in"
+                " which a load that opposes the motion turns round: reactions jump there, and pins cross their bearings"
+            )
+            faults.append(Fault(run.name, "time", "rest", int(lost.sum()), text))
+        runs.append(run)
     return replace(measured, runs=tuple(runs), faults=tuple(faults))
 
 
@@ -418,7 +460,7 @@ def sorted_out(measured: Measured, rig: Rig, model: Model) -> tuple[Measured, Ri
     """The measurement as the nominal model can judge it (:func:`unturned`), with its rig and model.  Raises
     MeasuredError.
     """
-    judged = unturned(measured, model, starts(measured))
+    judged = _past_reversals(unturned(measured, model, starts(measured)), model)
     if judged.sensors != measured.sensors:
         rig = _rig(judged, model.mechanism, model.courses)
     return judged, rig, Model(judged, rig, model.mechanism, model.courses)

@@ -21,7 +21,7 @@ from compare.diagnose.engines import Engines
 from compare.diagnose.explanation import Attempt, Explanation, has_structure
 from compare.diagnose.fit import Fit, Fitter
 from compare.diagnose.locate import Stretch, locate, rms_difference, spread
-from compare.diagnose.noise import CLOSED, rms
+from compare.diagnose.noise import CLOSED, lasting, rms
 from compare.diagnose.posterior.infer import Inference, Posterior, seen
 from compare.diagnose.predict import SLOW, Model, Term, altered
 from compare.diagnose.rattle.contact import lawless
@@ -444,7 +444,11 @@ class Problem:
                 f" to {self.simulator}."
             )
             return None
-        return apart
+        nominal = self.simulated(self.base).readings
+        if nominal is None:
+            return apart
+        before = self.data.residual(self.analytic(self.base)) - self.data.residual(nominal)
+        return lasting(apart, before, [part.place for part in self.data.parts])
 
     # ---------------------------------------------------------------- simulation in full
 
