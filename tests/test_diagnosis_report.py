@@ -549,6 +549,14 @@ def test_what_to_do_next_follows_the_verdict(explained: dict[str, Any], ambiguou
     )
 
 
+def test_what_was_not_looked_for_is_said(explained: dict[str, Any]) -> None:
+    seen = [{**explained["candidates"][0], "name": name} for name in VOCABULARY if name not in ("gravity", "payload")]
+    said = "Not looked for, as nothing here has, reads or does what it takes: gravity and payload."
+    document = as_document(explained | {"candidates": seen})
+    assert said in diagnosis_md(document)
+    assert said in diagnosis_html(document)
+
+
 # ------------------------------------------------------------------ figures
 
 

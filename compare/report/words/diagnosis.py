@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analytic.mechanism.one_line import enumerated
+from compare.diagnose.effects.vocabulary import VOCABULARY
 from compare.quantities import plainly, setting
 from compare.report.words.effects import called, headline, own_values, phrase, spoken, unknown, values_of
 from compare.report.words.measured import remaining
@@ -159,10 +160,20 @@ def others(count: int) -> str:
     return f"and in {count} other place{'s' if count > 1 else ''}"
 
 
+def unsought(result: Diagnosis) -> str:
+    """Which effects of the vocabulary were not looked for, in a sentence; empty where all of them were."""
+    here = {each.name for each in result.candidates}
+    names = [name.replace("_", " ") for name in VOCABULARY if name not in here]
+    known = f"Not looked for, as nothing here has, reads or does what it takes: {enumerated(names)}."
+    return known if here and names else ""
+
+
 def next_steps(result: Diagnosis) -> list[str]:
     """What the person at the rig does now, a sentence each."""
     steps = [
-        f"Check the data of run {fault.run}, {spoken(result, fault.signal)}: {fault.text}." for fault in result.faults
+        f"Check the data of run {fault.run}, {spoken(result, fault.signal)}: {fault.text}."
+        for fault in result.faults
+        if fault.kind != "rest"  # which no sensor is to blame for
     ]
     if result.verdict == "no gap":
         return [*steps, "Nothing has to be added: the model explains these data down to their noise."]
