@@ -57,7 +57,6 @@ ROUNDING = 1e-9  # of what a table of a load goes over: by so much a motion does
 PEAK_STEP = radians(1.0)  # crank angle between looks: a parabola misses the peak of a tenth harmonic by 2e-5 of it
 LOOKS = 360  # at the least over times, however few these are
 MOST_LOOKS = 1440
-UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
 SAME_PLACE = 0.5  # deg, between pins that cross their bearings: a sentence says one of them
 CLOSER, ROUNDS = 20, 2  # looks to either side of such a peak, so many times as close as the last ones: to 0.0025 deg
 
@@ -287,17 +286,15 @@ def _peaks(values: np.ndarray, theta: np.ndarray, whole: bool) -> tuple[Peak, Pe
     """The highest and the lowest value (N,) at angles evenly apart, of which the last is the first where they make a
     whole turn.
     """
-    ends = (values[-2:-1], values[1:2]) if whole else (np.full(1, np.nan), np.full(1, np.nan))
-    around = np.concatenate([np.full(1, np.nan), ends[0], values, ends[1], np.full(1, np.nan)])
-    bends = np.diff(around, 2)
+    wrapped = (values[-2:-1], values[1:2]) if whole else (np.full(1, np.nan), np.full(1, np.nan))
+    around = np.concatenate([np.full(1, np.nan), wrapped[0], values, wrapped[1], np.full(1, np.nan)])
+    share, value, way = vertices(around)
 
     def peak(sign: float) -> Peak:
         k = int(np.nanargmax(sign * values))
-        before, here, after = bends[k : k + 3]
-        if max(abs(before - here), abs(after - here)) < UNEVEN * abs(here) and sign * here < 0:  # not where one is NaN
-            share, value = vertices(*around[k + 1 : k + 4])
-            at = float(theta[k] + share * (theta[1] - theta[0]))
-            return float(value), at + tau if at < theta[0] else at
+        if way[k] == sign:
+            at = float(theta[k] + share[k] * (theta[1] - theta[0]))
+            return float(value[k]), at + tau if at < theta[0] else at
         flat = np.nanmax(values) - np.nanmin(values) <= ROUNDING * np.nanmax(np.abs(values))
         end = not whole and k in (0, values.size - 1)
         return (float(values[k]) if flat or end else None), float(theta[k])

@@ -187,23 +187,22 @@ def errors(outputs: Mapping[str, ByClearance]) -> dict[str, np.ndarray]:
 
 
 def between(series: Mapping[str, np.ndarray], places: np.ndarray) -> dict[str, Extremes]:
-    """The ends of errors (N,) between samples ``places`` (N,) evenly apart: of the parabola through three of them."""
+    """The ends of errors (N,) between samples ``places`` (N,) evenly apart, where a parabola through three is near."""
     step = np.diff(places)
     if step.size < 2 or np.ptp(step) > ROUNDING * abs(step[0]):
         return {}
     found = {}
     for name, values in series.items():
-        around, at = values, places[1:-1]
-        if whole_turn(places):
-            around, at = np.concatenate([values[-1:], values, values[:1]]), places
-        share, ends = vertices(around[:-2], around[1:-1], around[2:])
-        ends = np.where(np.abs(share) <= 0.5, ends, np.nan)  # of the three samples around it
-        if np.isfinite(ends).any():
-            there = at + share * step[0]
-            there = np.where(there < places.min(), there + math.tau, there)  # of a whole turn
-            high, low = int(np.nanargmax(ends)), int(np.nanargmin(ends))
-            top, top_at, bottom, bottom_at = (float(of[k]) for k in (high, low) for of in (ends, there))
-            found[name] = Extremes(highest=top, highest_at=top_at, lowest=bottom, lowest_at=bottom_at)
+        beside = (values[-2:], values[:2]) if whole_turn(places) else (np.full(2, np.nan),) * 2
+        share, value, way = vertices(np.concatenate([beside[0], values, beside[1]]))
+        there = places + share * step[0]
+        there = np.where(there < places.min(), there + math.tau, there)  # of a whole turn
+        known: dict[str, float | None] = dict.fromkeys(("highest", "highest_at", "lowest", "lowest_at"))
+        for sign, end in ((1.0, "highest"), (-1.0, "lowest")):
+            if (way == sign).any():
+                k = int(np.argmax(np.where(way == sign, sign * value, -np.inf)))
+                known |= {end: float(value[k]), f"{end}_at": float(there[k])}
+        found[name] = Extremes(**known)
     return found
 
 

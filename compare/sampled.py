@@ -6,17 +6,23 @@ from itertools import pairwise
 
 import numpy as np
 
+UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
 EVEN = 1e-9  # by which steps of an angle (rad) or a time (s) may differ that are even
 
 
-def vertices(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where parabolas through values (N,) and their neighbours on either side, evenly apart, have their ends: how far
-    from here, in steps, and the values there.
+def vertices(around: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of a curve through values (N + 4,) evenly apart, two of them before the first and two after the last, by the
+    parabola through each (N,) and its neighbours: how far its end is, in steps, the value there, and 1 of a highest,
+    -1 of a lowest, 0 where there is none near by: the curve goes on, jumps or has a corner.
     """
-    slope, bend = (after - before) / 2, before + after - 2 * here
+    before, here, after = around[1:-3], around[2:-2], around[3:-1]
+    bends = np.diff(around, 2)
+    slope, bend = (after - before) / 2, bends[1:-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = -slope / bend
-        return share, here + slope * share / 2
+        other = np.maximum(np.abs(bends[:-2] - bend), np.abs(bends[2:] - bend))
+        near = (other < UNEVEN * np.abs(bend)) & (np.abs(share) <= 0.5)
+        return share, here + slope * share / 2, np.where(near, -np.sign(bend), 0.0)
 
 
 def integral(values: np.ndarray, x: np.ndarray) -> float:

@@ -178,6 +178,17 @@ def test_degrees_are_suspected() -> None:
         load("paper").replace(assembly={"crank": 30.0, "coupler": 0.0, "follower": 30.0})
 
 
+def test_a_coefficient_of_a_slide_without_a_guide_is_asked_about() -> None:
+    """There it is a force; more than 1 N, and what says that it is one, are not asked about."""
+    slide = load("slider-crank").replace(
+        joints=[j.model_copy(update={"guide": None, "clearance": 0.0}) for j in load("slider-crank").joints]
+    )
+    with pytest.warns(MechanismWarning, match=r"friction of joint 'S' is a force of 0.1 N, as it has no guide; was a"):
+        slide.with_joint("S", friction=0.1)
+    slide.with_joint("S", friction=20.0)
+    slide.with_joint("S", friction_torque=0.1)
+
+
 def test_a_loop_that_cannot_close_is_refused() -> None:
     short = load("paper").with_body("coupler", points={"A": (0.0, 0.0), "B": (0.03, 0.0)})
     with pytest.raises(AssemblyError, match=r"crank angle 30 deg cannot be reached.*coupler, follower"):

@@ -14,6 +14,7 @@ from analytic.mechanism.varying import Quantity
 from analytic.mechanism.written import INITIAL
 
 LEAST_RESTITUTION = 0.01  # of a law with hysteresis, two of which divide by it, and of any in a map
+MOSTLY = 1.0  # coefficients of friction are less
 ROUGHEST = 5.0  # coefficient of friction at a block's corners: a larger one was meant in N
 LARGEST_PLAUSIBLE_LENGTH = 20.0  # m; a linkage larger than this was probably entered in millimetres
 TAKEN = ("time", "crank_angle")  # names of columns, which no sensor has
@@ -274,13 +275,13 @@ def check_body(body: Body, joints: Iterable[Joint]) -> None:
 def doubts(
     mechanism: str,
     parts: PartsByName,
-    joints: Iterable[Joint],
+    joints: Sequence[Joint],
     assembly: Mapping[str, float],
     loads: Iterable[Load],
     load_quantities: Mapping[str, Quantity],
 ) -> list[str]:
-    """What to ask about lengths (m) that no linkage has, and assembly angles, and angles (rad) at which loads begin and
-    end, of several turns; ``mechanism`` is its name.
+    """What to ask about lengths (m) that no linkage has, about assembly angles and angles (rad) at which loads begin and
+    end that are several turns, and about forces that look like coefficients of friction; ``mechanism`` is its name.
     """
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]
@@ -298,6 +299,12 @@ def doubts(
         place, angle = turned
         where = f"{mechanism}: {place} is {angle:g} rad"
         asked.append(f'{where}; angles are in radians, was it meant in degrees? Write "{angle:g} deg"')
+    for joint in joints:
+        if joint.prismatic and joint.guide is None and 0 < joint.friction <= MOSTLY:
+            asked.append(
+                f"{mechanism}: friction of joint {joint.name!r} is a force of {joint.friction:g} N, as it has no guide;"
+                f" was a coefficient meant? Give its block a guide, or write friction_torque = {joint.friction:g}"
+            )
     return asked
 
 

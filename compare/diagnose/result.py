@@ -355,8 +355,8 @@ def _candidates(problem: Problem, found: Verified, result: Diagnosis) -> tuple[C
                 status, why = "named", words.named(result, chosen[term.key])
             elif term.key in tied:
                 status, why = "tied", words.why_tied(result, tied[term.key])
-            elif _unphysical(shown, problem):
-                status, why = "not physical", words.WRONG_SIGN
+            elif unphysical := _unphysical(shown, problem):
+                status, why = "not physical", unphysical
             else:
                 improbable = words.improbable(sigmas, probability(e.sets, term.key) if e.sets else None)
                 status, why = "not needed", failed.get(term.key) or improbable
@@ -400,10 +400,13 @@ def alone(problem: Problem, base: Fit) -> list[Alone]:
     return found
 
 
-def _unphysical(shown: Alone, problem: Problem) -> bool:
-    """Whether the data want a value beyond the physical."""
+def _unphysical(shown: Alone, problem: Problem) -> str:
+    """Why the value that the data want alone is beyond the physical; empty where it is not."""
     low, _ = problem.fitter.bounds(shown.term)
-    return shown.x.size == low.size and bool(np.any(shown.x < low - 1e-12 * np.abs(low)))
+    beyond = shown.x < low - 1e-12 * np.abs(low) if shown.x.size == low.size else np.zeros(0, bool)
+    if not beyond.any():
+        return ""
+    return words.WRONG_SIGN if np.any(low[beyond] == 0) else words.BEYOND
 
 
 def _nearest(problem: Problem, fit: Fit, named: Sequence[Term]) -> dict[Term, tuple[str | None, float]]:
