@@ -197,12 +197,13 @@ def between(series: Mapping[str, np.ndarray], places: np.ndarray) -> dict[str, E
         share, value, way = vertices(np.concatenate([beside[0], values, beside[1]]))
         there = places + share * step[0]
         there = np.where(there < places.min(), there + math.tau, there)  # of a whole turn
-        known: dict[str, float | None] = dict.fromkeys(("highest", "highest_at", "lowest", "lowest_at"))
-        for sign, end in ((1.0, "highest"), (-1.0, "lowest")):
+        end: list[tuple[float, float] | tuple[None, None]] = [(None, None)] * 2
+        for which, sign in enumerate((1.0, -1.0)):
             if (way == sign).any():
                 k = int(np.argmax(np.where(way == sign, sign * value, -np.inf)))
-                known |= {end: float(value[k]), f"{end}_at": float(there[k])}
-        found[name] = Extremes(**known)
+                end[which] = float(value[k]), float(there[k])
+        (top, top_at), (bottom, bottom_at) = end
+        found[name] = Extremes(highest=top, highest_at=top_at, lowest=bottom, lowest_at=bottom_at)
     return found
 
 

@@ -280,8 +280,8 @@ def doubts(
     loads: Iterable[Load],
     load_quantities: Mapping[str, Quantity],
 ) -> list[str]:
-    """What to ask about lengths (m) that no linkage has, about assembly angles and angles (rad) at which loads begin and
-    end that are several turns, and about forces that look like coefficients of friction; ``mechanism`` is its name.
+    """What to ask about lengths (m) that no linkage has, about assembly angles and angles (rad) at which loads begin
+    and end that are several turns, and about forces that look like coefficients; ``mechanism`` is its name.
     """
     lengths = [(f"{b.name}.points.{n}", abs(complex(*p))) for b in parts.values() for n, p in b.points.items()]
     lengths += [(f"{b.name}.section", max(b.section)) for b in parts.values() if isinstance(b, Body)]

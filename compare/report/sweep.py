@@ -134,6 +134,8 @@ def limits(result: Sweep) -> Iterator[str]:
         those = [(limit, point) for limit, point in found[name] if limit.verdict == verdict]
         limit, point = max(those, key=lambda each: each[0].times)
         where = f"{verdict} at {len(those)} of {count(len(result.points), 'point')}"
+        silent = sum(limit.verdict == "unknown" for limit, _ in found[name])
+        where += f", not known at {silent}" if silent and verdict == "broken" else ""
         yield f"{where}: {_said(result, name, limit)}, at {_named(result, point.at)}"
 
 
