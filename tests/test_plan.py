@@ -428,9 +428,8 @@ def test_a_plan_tells_how_far_each_of_its_parts_is() -> None:
 def test_noise_may_have_its_unit_as_an_option_and_in_python(tmp_path: Path) -> None:
     si = {"drive_torque": 0.05, "crank_angle": math.radians(0.01)}
     written = "drive_torque=50mN.m,crank_angle=0.01deg"
-    for given in ({"drive_torque": "50 mN.m", "crank_angle": "0.01 deg"}, written):
-        found = lc.plan("crank-rocker", sensors=given, budget=1)
-        assert {s.signal: s.noise for s in found.sensors} == pytest.approx(si)
+    found = lc.plan("crank-rocker", sensors={"drive_torque": "50 mN.m", "crank_angle": "0.01 deg"}, budget=1)
+    assert {s.signal: s.noise for s in found.sensors} == pytest.approx(si)
     done = compare("plan", "crank-rocker", "--sensors", written, "--budget", "1", "--json", cwd=tmp_path)
     assert {s["signal"]: s["noise"] for s in json.loads(done.stdout)["sensors"]} == pytest.approx(si)
 

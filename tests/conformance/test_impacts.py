@@ -42,10 +42,10 @@ G = 9.81  # m/s^2
 # ---------------------------------------------------------------- against the equation of motion
 
 EXACT = [row for row in STRIKING if row != ("dart", "contact")]  # whose contact is rigid
-QUICK = [("mujoco", "spring-damper")]
 
 
-@pytest.mark.parametrize(("name", "model"), slow_but(QUICK, EXACT))
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "model"), EXACT)
 def test_a_revolution_at_600_rpm_follows_the_equation_of_motion(name: str, model: JointModel) -> None:
     """From a centred pin, 0.2 mm, K = 1e6 N/m, C = 300 N.s/m, in steps of 10 us."""
     m, theta = fast_crank_rocker(2e-4, 300.0), np.linspace(0.0, 2 * np.pi, 73)
@@ -391,6 +391,7 @@ def test_a_run_by_time_begins_in_steady_motion(name: str, model: JointModel) -> 
         np.testing.assert_allclose(found.simulated[signal], found.analytic[signal], rtol=0.0, atol=2e-4 * 10.7)
 
 
+@pytest.mark.slow
 def test_a_pressed_pin_of_a_fast_crank_lies_at_its_rim_and_the_model_agrees() -> None:
     """At 600 rpm what MuJoCo leaves out of its rows, the way that they turn, had the pin 2.6 um inside a gap of 50 um
     where 650 N press it and 3.4 um outside where 365 N do, and eleven comparisons off.
