@@ -17,6 +17,8 @@ from analytic.mechanism.file import dumps, load
 from compare.diagnose.data.measured import load_measured
 from compare.diagnose.data.recording import Measured, MeasuredError, MeasuredRun
 from compare.diagnose.data.thin import picked
+from compare.diagnose.effects.effect import Rig
+from compare.diagnose.experiment_design import Variations
 from compare.diagnose.prepare import thinned
 from compare.quantities import SUPERSCRIPT
 from compare.report.words.located import located
@@ -249,6 +251,15 @@ def test_a_run_that_is_proposed_has_a_name_that_no_run_has() -> None:
     (proposed,) = tomllib.loads(advice[advice.index("[[run]]") :])["run"]
     assert proposed["name"] not in {"reversed-load", "fast"}
     assert proposed["file"] not in {"reversed-load.csv", "fast.csv"}
+
+
+@pytest.mark.parametrize(("other", "asked"), [(6.5, True), (-12.0, False)])
+def test_a_drive_that_has_run_both_ways_is_not_asked_to_run_the_other_way(other: float, asked: bool) -> None:
+    data = played(experiment(turn("one", 4.0), turn("other", other), sensors={"follower_angle": 6e-5}))
+    known = Rig(data.mechanism, ("follower_angle",), ("one", "other"), ())
+    tried = [trial.words for trial in Variations(data.runs[0], known, {4.0, other}).all()]
+    assert ("run the drive the other way" in tried) == asked
+    assert "run at 2 times the speed" in tried
 
 
 def test_a_located_deviation_has_the_sign_of_its_size_whatever_the_next_turn_brings() -> None:

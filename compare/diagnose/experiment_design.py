@@ -121,7 +121,7 @@ class Variations:
         loads, speed = self.loads, self.base.speed or 0.0
         if loads:
             yield self.run("reversed-load", "reverse the load", loads=tuple(_turned(load, -1) for load in loads))
-        if -speed not in self.taken:
+        if all((other or 0.0) * speed >= 0 for other in self.taken):
             yield self.run("reverse", "run the drive the other way", speed=-speed)
         yield from self.other_loads()
         for factor in (2.0, 0.5, 4.0, 0.25):
