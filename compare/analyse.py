@@ -92,7 +92,7 @@ def analyse(question: AnalyseQuestion) -> Analysis:
         warned += _without_use(m, side, schedule.time)
     optional, crossing = ({}, []) if compliance else _of_outputs(assembly, schedule, motion, question.limits)
     if not compliance:
-        optional["extremes"] = _extremes(assembly, schedule, question)
+        optional["extremes"] = _extremes(assembly, schedule, question, side.signals)
     optional |= {} if schedule.crank_angle is not None else {"time": schedule.time}
     if states_tolerances(m) or question.samples or question.seed:
         varied, told = varying(m, question.clearance is not None)
@@ -236,12 +236,15 @@ def _without_use(m: Mechanism, side: Reference, time: np.ndarray) -> Iterator[st
                 )
 
 
-def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion) -> dict[str, Extremes]:
+def _extremes(
+    assembly: Assembly, schedule: Schedule, question: AnalyseQuestion, known: Mapping[str, np.ndarray]
+) -> dict[str, Extremes]:
     """The highest and lowest value of each signal over the stretch of the crank angles or times, or over the whole turn
     that the angles make; nothing where there are too few or too many, or where the linkage cannot be followed closely.
 
     Between looks a signal is the parabola through three of them, where it bends evenly; around a peak where it does not
     it is looked at again, more closely; and once more where it may jump, as loads begin and end, or friction turns.
+    What is ``known`` at the samples (N,) is an end, too, where no look is beyond it.
     """
     m, theta = assembly.mechanism, schedule.crank_angle
     x = schedule.time if theta is None else theta
@@ -266,19 +269,21 @@ def _extremes(assembly: Assembly, schedule: Schedule, question: AnalyseQuestion)
     try:
         signals = {name: values for name, values in look(close).items() if np.isfinite(values).any()}
         step, peaks = close[1] - close[0], {name: _peaks(values, close, whole) for name, values in signals.items()}
-        looks = [(close, signals)]
+        here = (x >= low) & (x <= high)
+        looks, asked = [(close, signals)], [(x[here], {name: values[here] for name, values in known.items()})]
         for _ in range(ROUNDS if any(load.varies for load in m.loads) or any(j.rubs for j in m.joints) else 1):
-            rough = [_utmost(peaks[n], n, looks)[k][1] for n in peaks for k in (0, 1) if peaks[n][k][0] is None]
+            rough = [_utmost(peaks[n], n, looks + asked)[k][1] for n in peaks for k in (0, 1) if peaks[n][k][0] is None]
             around = np.unique(np.add.outer(rough, step * np.arange(-CLOSER, CLOSER + 1) / CLOSER))
             around = around[(around >= low) & (around <= high)]
             looks += [(around, look(around))] if around.size else []
             step /= CLOSER
     except AssemblyError:
         return {}
-    return {name: _extreme(ends, name, looks) for name, ends in peaks.items()}
+    return {name: _extreme(_utmost(found, name, looks + asked), name, looks) for name, found in peaks.items()}
 
 
 Peak = tuple[float | None, float]  # value, None where it is not known well enough, and angle (rad)
+Ends = tuple[tuple[float, float], tuple[float, float]]  # the highest value and its angle (rad), and the lowest
 Looks = Sequence[tuple[np.ndarray, Mapping[str, np.ndarray]]]  # angles (N,) rad, and values of signals at them
 
 
@@ -311,20 +316,21 @@ def _in_order(name: str, looks: Looks) -> tuple[np.ndarray, np.ndarray]:
     return angles[order], values[order]
 
 
-def _utmost(ends: tuple[Peak, Peak], name: str, looks: Looks) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The highest and the lowest value of a signal and where: as it is known, or of all looks."""
+def _utmost(peaks: tuple[Peak, Peak], name: str, looks: Looks) -> Ends:
+    """The highest and the lowest value of a signal and where: its peaks, or what is beyond them in any look."""
     angles, values = _in_order(name, looks)
     at = int(np.nanargmax(values)), int(np.nanargmin(values))
     high, low = ((float(values[k]), float(angles[k])) for k in at)
-    (top, top_at), (bottom, bottom_at) = ends
-    return high if top is None else (top, top_at), low if bottom is None else (bottom, bottom_at)
+    (top, top_at), (bottom, bottom_at) = peaks
+    highest = high if top is None or high[0] > top else (top, top_at)
+    return highest, low if bottom is None or low[0] < bottom else (bottom, bottom_at)
 
 
-def _extreme(ends: tuple[Peak, Peak], name: str, looks: Looks) -> Extremes:
-    """The peaks of a signal, and its mean and rms over all looks, close ones where it jumps; none where it is missing
+def _extreme(ends: Ends, name: str, looks: Looks) -> Extremes:
+    """The ends of a signal, and its mean and rms over all looks, close ones where it jumps; none where it is missing
     over more than two steps of the first ones.
     """
-    (highest, highest_at), (lowest, lowest_at) = _utmost(ends, name, looks)
+    (highest, highest_at), (lowest, lowest_at) = ends
     x, values = _in_order(name, looks)
     x, values = x[np.isfinite(values)], values[np.isfinite(values)]
     first = looks[0][0]

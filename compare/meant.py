@@ -19,10 +19,13 @@ WORDS = {  # what is said for the words of a name; "" for what every one of them
 
 
 def meant(name: str, known: Collection[str], joints: Mapping[str, Iterable[str]]) -> str:
-    """The known name, or names, that another one is likeliest for: of the same words, in any order, or of words that
-    say the same, with a body for one of its ``joints``; else of nearly the same letters, or with a word of it of
-    somewhat the same.  Empty where there is none.
+    """The known name, or names, that another one is likeliest for: the same in capitals or small letters, of the same
+    words, in any order, or of words that say the same, with a body for one of its ``joints``; else of nearly the same
+    letters, or with a word of it of somewhat the same.  Empty where there is none.
     """
+    same = next((each for each in known if each.lower() == name.lower()), "")
+    if same:
+        return same
     typed = re.split(r"[_.\s]+", name)
     words = [each for each in (WORDS.get(word.lower(), word) for word in typed) if each]
     bodies = [(body, at) for body in joints if body in words for at in joints[body]]

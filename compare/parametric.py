@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import cast
@@ -61,9 +61,10 @@ QUESTIONS: Mapping[Asks, tuple[type[Question], Callable[..., Analysis | Accuracy
 
 
 class Answer(SweptPoint):
-    """What a point comes to, with its columns and what was warned of."""
+    """What a point comes to, with its columns, what was warned of, and the argument that cannot be used, if any."""
 
     columns: Mapping[str, SweptColumn] = {}
+    argument: str = ""
     warnings: tuple[str, ...] = ()
 
 
@@ -134,6 +135,7 @@ def swept(question: SweepQuestion) -> Sweep:
             answers[end.index] = (
                 Answer(at=at[end.index], failure=end.failure) if end.failure else Answer.model_validate(end.result)
             )
+    _refuse_everywhere(answers)
     return Sweep(
         case=base.name,
         asks=question.asks,
@@ -147,6 +149,13 @@ def swept(question: SweepQuestion) -> Sweep:
         versions=versions(),
         warnings=tuple(_alike(text for answer in answers for text in answer.warnings)),
     )
+
+
+def _refuse_everywhere(answers: Sequence[Answer]) -> None:
+    """Raises the ArgumentError that all points have alike: it is no point's own."""
+    argument, why = answers[0].argument, answers[0].failure
+    if argument and all((each.argument, each.failure) == (argument, why) for each in answers):
+        raise ArgumentError(argument, why.removeprefix(f"{argument}: "))
 
 
 def _alike(texts: Iterable[str]) -> Iterator[str]:
@@ -283,7 +292,9 @@ def _answer(run: Mapping[str, object]) -> Answer:
         why = str(error)
         while why.startswith(f"{base.name}: "):
             why = why.removeprefix(f"{base.name}: ")
-        return Answer(at=at, failure=why, engine_failed=isinstance(error, SimulationError | SimulatorMissing))
+        failed = isinstance(error, SimulationError | SimulatorMissing)
+        argument = error.argument if isinstance(error, ArgumentError) else ""
+        return Answer(at=at, failure=why, engine_failed=failed, argument=argument)
     if isinstance(result, CrossCheck):
         return _compared(at, result)
     answer = _analysed(at, result) if isinstance(result, Analysis) else _accurate(at, result)

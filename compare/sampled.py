@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 UNEVEN = 0.2  # of how a signal bends at a peak: where it bends by so much more or less beside it, it is no parabola
-EVEN = 1e-9  # by which steps of an angle (rad) or a time (s) may differ that are even
+EVEN = 1e-9  # by which steps of an angle (rad) or a time (s) may differ that are even; of a step: rounding error
 
 
 def vertices(around: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -19,7 +19,7 @@ def vertices(around: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     bends = np.diff(around, 2)
     slope, bend = (after - before) / 2, bends[1:-1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = -slope / bend
+        share = np.where(np.abs(slope) > EVEN * np.abs(bend), -slope / bend, 0.0)
         other = np.maximum(np.abs(bends[:-2] - bend), np.abs(bends[2:] - bend))
         near = (other < UNEVEN * np.abs(bend)) & (np.abs(share) <= 0.5)
         return share, here + slope * share / 2, np.where(near, -np.sign(bend), 0.0)

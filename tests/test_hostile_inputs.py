@@ -385,7 +385,7 @@ PLACES = {
     "a file of 8 GB": Row(MINE, ["mine.toml: cannot be read: it is larger than 16 MB"], {"mine.toml": sparse}),
     "a path through a file": Row([*CHECK, "--case", "file/mine.toml"], ["no such mechanism file"], {"file": ""}),
     "a name of 5000 letters": Row([*CHECK, "--case", "a" * 5000], ["aaa...: no such mechanism file or case"]),
-    "a name in two lines": Row([*CHECK, "--case", "a\nb.toml"], [r"a\nb.toml: no such mechanism file or case"]),
+    "a name in two lines": Row([*CHECK, "--case", "a\nb.toml"], ["a b.toml: no such mechanism file or case"]),
     "a name that colours the terminal": Row(
         [*CHECK, "--case", "\x1b[31m.toml"], [r"\x1b[31m.toml: no such mechanism file or case"]
     ),

@@ -206,6 +206,7 @@ def test_a_point_without_an_answer_is_an_error_of_a_swept_limit() -> None:
 @pytest.mark.parametrize(
     ("limit", "why"),
     [
+        ("reaction_b=5N", "did you mean reaction_B?"),
         ("max_force_B=5N", "did you mean reaction_B?"),
         ("rms_motor_torque=5N.m", "did you mean rms_drive_torque?"),
         ("mean_power=5W", "did you mean mean_drive_power?"),
@@ -340,3 +341,10 @@ def test_an_error_that_jumps_as_pins_cross_is_no_more_than_the_worst_case() -> N
         assert error is not None
         assert worst is not None
         assert 0.95 * worst < abs(error) <= 1.01 * worst
+
+
+def test_a_limit_over_few_angles_says_that_it_is_of_these_alone(tmp_path: Path) -> None:
+    few = compare("crank-rocker", "--angles", "90:270:45", "--limit", "reaction_B=2200N", cwd=tmp_path)
+    assert "within its limit of 2200 N, at 5 samples alone" in " ".join(few.stdout.split())
+    more = compare("crank-rocker", "--limit", "reaction_B=2200N", cwd=tmp_path)
+    assert "alone" not in more.stdout

@@ -551,6 +551,16 @@ def test_peaks_between_the_samples_are_those_of_a_closed_form() -> None:
     assert found.highest == pytest.approx(20.0 + most * math.cos(at), abs=most * math.radians(0.2))
 
 
+def test_no_sample_is_beyond_the_peaks() -> None:
+    """A push over 0.4 degrees that the looks, a degree apart, miss, and two samples do not."""
+    push = f'{ARM}\n[[load]]\nbody = "arm"\ntorque = -60.0\nover = "crank_angle"\nfrom = "88.3 deg"\nto = "88.7 deg"\n'
+    result = lc.analyse(loads(push), angles="0:359.75:0.25")
+    found, torque = result.extremes["drive_torque"], result.signals["drive_torque"]
+    assert torque.max() > 2 * MASS * GRAVITY * REACH
+    assert found.highest == pytest.approx(torque.max(), rel=1e-3)
+    assert 88.0 < math.degrees(found.highest_at or 0.0) < 89.0
+
+
 def test_peaks_over_time_lie_between_the_samples_too() -> None:
     """A bar that is let go is pulled hardest on its lowest point, by m g (1 + 2 m c^2 / I_O); of ten samples none is
     there.  It passes there at a quarter of its period, 4 K(sin 45 deg) sqrt(I_O / m g c) from the horizontal.

@@ -308,6 +308,14 @@ def test_a_point_that_does_not_assemble_says_so_and_the_others_stand(tmp_path: P
     assert "no point has an answer, the first because body[crank].mass = -1.0" in nothing.stderr
 
 
+def test_an_argument_that_no_point_can_use_is_refused_as_without_fields(tmp_path: Path) -> None:
+    words = ["paper", "--set", "drive.speed=1,2", "--limit", "reaktion_B=1N", "--workers", "1", "--out", "no"]
+    commands.assert_refused(
+        commands.compare(*words, cwd=tmp_path), "--limit reaktion_B=1N: reaktion_B is nothing of paper"
+    )
+    assert not list(tmp_path.iterdir())
+
+
 def test_angles_without_an_equilibrium_are_a_remark_of_their_row() -> None:
     """A pin that nothing presses has no equilibrium: the load of 0 N."""
     still = PAPER.replace(drive=PAPER.drives[0].model_copy(update={"speed": 1e-9}))

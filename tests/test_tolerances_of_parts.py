@@ -126,6 +126,13 @@ def test_a_fit_gives_a_joint_its_clearance_and_that_its_limits() -> None:
         "joint[B].clearance"
     ]
     assert loads(dumps(m)) == m
+    loose = fitted("H8/f7")
+    assert m.with_joint("B", fit="H8/f7") == loose
+    assert m.with_joint("B", fit=None).joint("B").clearance == m.joint("B").clearance
+    tight, swept = lc.sweep(m, {"joint.B.fit": ["H7/g6", "H8/f7"]}, "accuracy", workers=1).points
+    alone = lc.sweep(loose, {"joint.B.pin_radius": [5e-3]}, "accuracy", workers=1).points[0]
+    assert swept.numbers == alone.numbers
+    assert swept.numbers["worst_follower_angle"] > 1.5 * tight.numbers["worst_follower_angle"]
     assert m.tight().clearances == {}
     assert m.with_clearances({"B": 1e-4}).clearances == {"B": 1e-4}
     bore, pin = np.random.default_rng(1).random((2, 200_000))  # um, uniform between their limits each

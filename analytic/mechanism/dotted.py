@@ -135,6 +135,9 @@ def with_values(mechanism: Mechanism, values: Mapping[Dotted, float | str]) -> M
                 here[step] = [0.0, 0.0] if isinstance(field.place[k + 1], int) else {}
             here = here[step]
         here[field.place[-1]] = value
+    for k, joint in enumerate(mechanism.joints):
+        if joint.fitted_anew({str(f.place[2]): given for f, given in values.items() if f.place[:2] == ("joint", k)}):
+            del fields["joint"][k]["clearance"]
     try:
         return Mechanism.model_validate(fields, context=mechanism.doubts)
     except ValidationError as error:

@@ -413,6 +413,8 @@ class Mechanism(MechanismPart):
 
     def _with_fields(self, kind: str, part: P, fields: Mapping[str, object]) -> P:
         asked = {**part.model_dump(exclude_unset=True), **fields}
+        if isinstance(part, Joint) and part.fitted_anew(fields):
+            del asked["clearance"]
         try:
             return type(part).model_validate(asked)
         except ValidationError as error:

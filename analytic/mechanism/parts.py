@@ -387,6 +387,11 @@ class Joint(MechanismPart):
         """Whether its clearance is the middle of its fit, which stands for one that is left out."""
         return self.fitted is not None and self.clearance == sum(self.fitted) / 2
 
+    def fitted_anew(self, fields: Mapping[str, object]) -> bool:
+        """Whether, with these fields, its clearance becomes the middle of another fit or of a fit of another pin."""
+        refitted = bool({"fit", "pin_radius"} & {*fields}) and fields.get("fit", self.fit) is not None
+        return refitted and self.clearance_of_fit and "clearance" not in fields
+
     @property
     def prismatic(self) -> bool:
         """Whether the joint slides."""

@@ -214,7 +214,7 @@ def rubbed(m: Mechanism) -> Mechanism:
     """The mechanism with friction, drag and a cubic spring in every joint."""
     turning = {"friction_torque": 0.02, "static_torque": 0.03, "stribeck_speed": 0.1, "drag": 0.01, "cubic": 0.3}
     for joint in m.joints:
-        law = {"friction": 0.5, "drag": 0.1, "cubic": 3.0} if joint.prismatic else turning
+        law = {"friction_torque": 0.5, "drag": 0.1, "cubic": 3.0} if joint.prismatic else turning
         m = m.with_joint(joint.name, **law)
     return m
 

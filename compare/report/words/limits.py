@@ -9,7 +9,7 @@ from typing import Protocol
 from analytic.mechanism.one_line import count
 from compare.quantities import plain, shown
 from compare.report.peaks import Of, over, place
-from compare.results.analysis import Limit
+from compare.results.analysis import Analysis, Limit
 
 DIGITS = 5
 
@@ -35,7 +35,8 @@ def limits(result: Limited) -> list[tuple[str, Limit, str]]:
     x = over(result)
     at = {name: "" if each.at is None else f"{plain(place(result, each.at), 4)} {x.unit}" for name, each in ordered}
     of = count(len(x.values), "sample")
-    return [(name, limit, sentence(name, limit, at[name], of)) for name, limit in ordered]
+    alone = f", at {of} alone" if isinstance(result, Analysis) and not result.extremes and result.limits else ""
+    return [(name, limit, sentence(name, limit, at[name], of) + alone) for name, limit in ordered]
 
 
 def sentence(name: str, limit: Limit, at: str, of: str = "") -> str:
