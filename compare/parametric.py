@@ -314,7 +314,7 @@ def _part_of_turn(base: Mechanism, result: Analysis | Accuracy | PlatformAccurac
 
 def _analysed(at: Mapping[str, int], result: Analysis) -> Answer:
     """The largest of each signal on request, of each joint's reaction and of what each drive gives, and where it is;
-    the error of each output, and the share of limits broken.
+    the error of each output, and the share of limits that are broken or not known.
     """
     m, known, drives = result.mechanism, quantities(result.mechanism), drive_signals(result.mechanism)
     reactions = [f"reaction_{joint.name}_magnitude" for joint in m.joints]
@@ -371,14 +371,16 @@ class _Row:
     def answer(
         self, at: Mapping[str, int], remark: str, warnings: tuple[str, ...], limits: Mapping[str, Limit] | None = None
     ) -> Answer:
-        """The point, with a column of each number with a limit that is none yet, and the share of limits broken."""
+        """The point, with a column of each number with a limit that is none yet, and the share of limits that are
+        broken or not known.
+        """
         limits = limits or {}
         for name, limit in limits.items():
             if not {name, f"{name}_magnitude", f"{ERROR}{name}"} & {*self.columns}:
                 self.add("limited", name, name, limit.unit, limit.value)
         if limits:
             broken = sum(each.verdict != "holds" for each in limits.values())
-            self.add("limit", "broken", "limits broken", "1", broken / len(limits))
+            self.add("limit", "broken", "limits broken or not known", "1", broken / len(limits))
         return Answer(
             at=at, columns=self.columns, numbers=self.numbers, remark=remark, warnings=warnings, limits=limits
         )

@@ -378,5 +378,6 @@ def test_a_parallelogram_with_a_second_coupler_has_a_joint_too_many_by_count_and
 
 
 def test_a_marker_that_is_the_name_of_a_point_is_told_where_that_is() -> None:
+    points = {"E": [0.0, 0.0], "tip": ["50 mm", 0.0]}
     with pytest.raises(MechanismError, match=r"marker = 'tip'.* write where it is, marker = \[0\.05, 0\.0\]"):
-        Body(name="rocker", points={"E": [0.0, 0.0], "tip": ["50 mm", 0.0]}, mass=1.0, marker="tip")  # type: ignore[arg-type]
+        Body(name="rocker", points=points, mass=1.0, marker="tip")  # type: ignore[arg-type]

@@ -164,7 +164,7 @@ def _without(channel: Channel, lost: np.ndarray) -> Channel:
 
 def _past_reversals(measured: Measured, model: Model) -> Measured:
     """The measurement without what a crank's runs read within BESIDE samples of where a load that opposes the motion
-    turns round in the nominal linkage: reactions jump there, and pins cross their bearings.
+    turns round in the nominal linkage: reactions jump there, and pins with clearance cross their bearings.
     """
     runs, faults = [], list(measured.faults)
     for run in measured.runs:
@@ -189,7 +189,8 @@ def _past_reversals(measured: Measured, model: Model) -> Measured:
             run = replace(run, channels={**run.channels, **{name: _without(c, lost) for name, c in jumping.items()}})
             text = (
                 f"run {run.name!r} is without its {', '.join(jumping)} in the {count(int(lost.sum()), 'sample')} in"
-                " which a load that opposes the motion turns round: reactions jump there, and pins cross their bearings"
+                " which a load that opposes the motion turns round: reactions jump there"
+                f"{', and pins cross their bearings' * mechanism.displaced}"
             )
             faults.append(Fault(run.name, "time", "rest", int(lost.sum()), text))
         runs.append(run)

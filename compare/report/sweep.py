@@ -42,7 +42,7 @@ TITLES = {
     "error": "largest error by clearance",
     "worst_case": "worst case of clearance",
     "yield": "linkages within the limits",
-    "limit": "limits broken",
+    "limit": "limits broken or not known",
     "share": "largest difference over its tolerance",
 }
 IN_FILE = ("rms", "mean", "stroke", "transmission")  # not on a terminal, nor drawn, where nothing limits them

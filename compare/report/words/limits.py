@@ -35,7 +35,7 @@ def limits(result: Limited) -> list[tuple[str, Limit, str]]:
     x = over(result)
     at = {name: "" if each.at is None else f"{plain(place(result, each.at), 4)} {x.unit}" for name, each in ordered}
     of = count(len(x.values), "sample")
-    alone = f", at {of} alone" if isinstance(result, Analysis) and not result.extremes and result.limits else ""
+    alone = f", at {of} alone" if isinstance(result, Analysis) and not result.extremes else ""
     return [(name, limit, sentence(name, limit, at[name], of) + alone) for name, limit in ordered]
 
 

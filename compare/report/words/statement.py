@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 NOT_SHOWN = "these sensors and runs do not show it"
 WRONG_SIGN = "it would have to have the wrong sign"
-BEYOND = "alone it would have to be larger than any machine has it"
+BEYOND = "alone it would have to be larger than its bounds allow"
 MOST_IN_PARAGRAPH = 4  # effects in a paragraph
 SLIGHT_SHARE = 0.01  # of the squared gap: with a smaller share, an effect among many is told without its values
 PLACES_IN_STORY = 3  # told in the story; the page lists all
